@@ -1,0 +1,100 @@
+"""Sums of squares as a semidefinite program: the numerical half of the proof.
+
+Find the largest λ and positive semidefinite Q with
+
+    target − λ drop = z₀ᵀ Q₀ z₀ + Σ_k g_k zᵀ Q_k z        (polynomials in y, coefficients compared one by one)
+
+in CVXPY with Clarabel. What comes back is a hint for the exact half (`cfjax.check.decrease`), never a proof.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from flint import fmpq_mpoly
+from jaxtyping import Float
+
+
+Exponents = tuple[int, ...]
+
+
+@cache
+def monomials(variables: int, degree: int) -> tuple[Exponents, ...]:
+    """Exponents of all monomials up to the degree, by degree."""
+    every = (e for e in product(range(degree + 1), repeat=variables) if sum(e) <= degree)
+    return tuple(sorted(every, key=lambda e: (sum(e), tuple(-k for k in e))))
+
+
+@dataclass(frozen=True)
+class SosSolution:
+    """What the solver said: `status` is CVXPY's; margin and Gram matrices (or None) are numerical hints."""
+
+    status: str
+    margin: float
+    grams: tuple[Float[np.ndarray, "k k"], ...] | None
+    seconds: float
+
+
+def coefficients(polynomial: fmpq_mpoly) -> dict[Exponents, float]:
+    """Floating-point coefficients by exponents."""
+    return {
+        tuple(int(k) for k in e): float(int(c.p)) / float(int(c.q)) if abs(c.q) < 2**900 else float(c)
+        for e, c in polynomial.to_dict().items()
+    }
+
+
+def product_matrix(
+    factor: dict[Exponents, float], basis: tuple[Exponents, ...], rows: dict[Exponents, int]
+) -> sp.csr_matrix:
+    """The matrix A with A vec(Q) = coefficients of factor · zᵀ Q z; row order as in `rows`."""
+    size = len(basis)
+    at, column, value = [], [], []
+    for i, first in enumerate(basis):
+        for j, second in enumerate(basis):
+            for shift, weight in factor.items():
+                at.append(rows[tuple(a + b + c for a, b, c in zip(first, second, shift, strict=True))])
+                column.append(i + size * j)
+                value.append(weight)
+    return sp.csr_matrix((value, (at, column)), shape=(len(rows), size * size))
+
+
+def solve(
+    target: fmpq_mpoly,
+    drop: fmpq_mpoly,
+    constraints: list[fmpq_mpoly],
+    bases: list[tuple[Exponents, ...]],
+    variables: int,
+    degree: int,
+    **solver_options: float,
+) -> SosSolution:
+    """Maximise λ. `bases[0]` belongs to the free square z₀, the others to the constraints in order."""
+    rows = {e: k for k, e in enumerate(monomials(variables, degree))}
+    goal, fall = np.zeros(len(rows)), np.zeros(len(rows))
+    for vector, polynomial in ((goal, target), (fall, drop)):
+        for e, c in coefficients(polynomial).items():
+            vector[rows[e]] = c
+    factors = [{(0,) * variables: 1.0}]
+    scales = [1.0]
+    for constraint in constraints:
+        table = coefficients(constraint)
+        scales.append(max(map(abs, table.values())))
+        factors.append({e: c / scales[-1] for e, c in table.items()})
+    scale = np.abs(goal).max()
+    margin = cp.Variable()
+    grams = [cp.Variable((len(basis), len(basis)), PSD=True) for basis in bases]
+    total = fall * margin
+    for factor, basis, gram in zip(factors, bases, grams, strict=True):
+        total = total + product_matrix(factor, basis, rows) @ cp.vec(gram, order="F")
+    problem = cp.Problem(cp.Maximize(margin), [total == goal / scale])
+    try:
+        problem.solve(solver=cp.CLARABEL, **solver_options)
+    except cp.SolverError as error:
+        return SosSolution(f"error: {error}", float("nan"), None, 0.0)
+    seconds = float(problem.solver_stats.solve_time or 0.0) if problem.solver_stats else 0.0
+    if margin.value is None or any(gram.value is None for gram in grams):
+        return SosSolution(str(problem.status), float("nan"), None, seconds)
+    values = tuple(0.5 * (g.value + g.value.T) * scale / s for g, s in zip(grams, scales, strict=True))
+    return SosSolution(str(problem.status), float(margin.value) * scale, values, seconds)

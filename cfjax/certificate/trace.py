@@ -1,0 +1,98 @@
+"""From the one definition of the vehicle to an expression graph: JAX traces the deviation dynamics.
+
+Only operations that the exact arithmetic knows are taken; anything else is refused by name.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend import core
+
+from cfjax.check.graph import Graph, Node
+from cfjax.check.rational import rational
+from cfjax.errors import InputError
+from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
+
+
+PROFILE_INPUTS = ReferencePoint._fields
+BINARY = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
+UNARY = {"neg": "neg", "sin": "sin", "cos": "cos"}
+TRANSPARENT = ("convert_element_type", "copy", "stop_gradient")
+NESTED = ("pjit", "jit", "closed_call", "custom_jvp_call", "custom_vjp_call")
+
+
+def trace_deviation(vehicle: Vehicle) -> Graph:
+    """Graph of ẋ_R over the deviation's states, the inputs (u0, …) and the reference's profile.
+
+    Raises:
+        InputError: names the first operation of the vehicle that has no exact arithmetic.
+    """
+    states, inputs = vehicle.state_names, ("u0", *vehicle.input_names)
+    names = (*states, *(f"input:{name}" for name in inputs), *(f"reference:{name}" for name in PROFILE_INPUTS))
+
+    def rate(*scalars: Any) -> list:
+        x = scalars[: len(states)]
+        u = scalars[len(states) : len(states) + len(inputs)]
+        reference = ReferencePoint(*scalars[len(states) + len(inputs) :])
+        return [jnp.asarray(value, float) for value in deviation_rate(vehicle, x, u, reference)]
+
+    closed = jax.make_jaxpr(rate)(*(0.0 for _ in names))
+    builder = _Builder(vehicle.name)
+    outputs = builder.run(closed.jaxpr, closed.consts, [builder.add(Node("input", name=name)) for name in names])
+    return Graph(tuple(builder.nodes), tuple(outputs))
+
+
+class _Builder:
+    def __init__(self, vehicle: str) -> None:
+        self.vehicle = vehicle
+        self.nodes: list[Node] = []
+        self.known: dict[Node, int] = {}
+
+    def add(self, node: Node) -> int:
+        if node not in self.known:
+            self.known[node] = len(self.nodes)
+            self.nodes.append(node)
+        return self.known[node]
+
+    def constant(self, value: Any) -> int:
+        if np.ndim(value):
+            raise InputError(f"vehicle {self.vehicle}: expected functions of scalars, got a constant array")
+        return self.add(Node("constant", value=rational(float(value))))
+
+    def run(self, jaxpr: core.Jaxpr, consts: list, arguments: list[int]) -> list[int]:
+        where: dict[Any, int] = dict(zip(jaxpr.invars, arguments, strict=True))
+        where.update(zip(jaxpr.constvars, map(self.constant, consts), strict=True))
+
+        def read(atom: Any) -> int:
+            return self.constant(atom.val) if isinstance(atom, core.Literal) else where[atom]
+
+        for equation in jaxpr.eqns:
+            values = self.equation(equation, [read(atom) for atom in equation.invars])
+            where.update(zip(equation.outvars, values, strict=True))
+        return [read(atom) for atom in jaxpr.outvars]
+
+    def equation(self, equation: Any, args: list[int]) -> list[int]:
+        name = equation.primitive.name
+        if name in BINARY:
+            return [self.add(Node(BINARY[name], tuple(args)))]
+        if name in UNARY:
+            return [self.add(Node(UNARY[name], tuple(args)))]
+        if name in TRANSPARENT:
+            return args
+        if name == "div" and self.nodes[args[1]].op == "constant" and self.nodes[args[1]].value:
+            inverse = self.add(Node("constant", value=1 / self.nodes[args[1]].value))
+            return [self.add(Node("mul", (args[0], inverse)))]
+        if name == "integer_pow" and equation.params["y"] > 0:
+            power = args[0]
+            for _ in range(equation.params["y"] - 1):
+                power = self.add(Node("mul", (power, args[0])))
+            return [power]
+        if name in NESTED:
+            inner = equation.params.get("jaxpr") or equation.params["call_jaxpr"]
+            return self.run(inner.jaxpr, inner.consts, args)
+        raise InputError(
+            f"vehicle {self.vehicle}: no exact arithmetic for the operation {name!r}; "
+            f"known are {', '.join(sorted({*BINARY, *UNARY, 'integer_pow', 'div by a constant'}))}"
+        )

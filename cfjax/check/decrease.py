@@ -1,0 +1,265 @@
+"""Condition (d) in exact arithmetic: what has to be shown for one vertex of the input box, and how a Gram proof shows it.
+
+On a steady segment, with x = W y for a rational whitening W ≈ C^{−1/2} and q = xᵀ C x, the claim "some input gives
+V̇ ≤ −λ on the shell" reads (`cfjax.funnel.template`)
+
+    for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ drop(q).
+
+The shell is cut at the q where `drop` has its kink, and each cut into the cells of one sign pattern of the polynomials
+s_i = ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof names one vertex u of
+the input box. On a cell
+
+    p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
+
+where |F_u − p_u| ≤ ε is the enclosure of sin and cos, every Q is positive semidefinite and r, what rounding left over, is
+a polynomial whose size on the ball is bounded and paid for out of λ.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+
+from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
+from cfjax.check.graph import Graph
+from cfjax.check.rational import exp_bounds, is_positive_definite
+
+
+Matrix = Sequence[Sequence[fmpq]]
+RADIUS_SLACK = fmpq(1, 1024)  # the ball in y is this much larger than the funnel: W is only nearly C^{−1/2}
+
+
+@dataclass(frozen=True)
+class LevelPiece:
+    """A range of q = xᵀ C x and, on it, timing(q) and drop(q) as affine functions (constant, slope)."""
+
+    lower: fmpq
+    upper: fmpq
+    timing: tuple[fmpq, fmpq]
+    drop: tuple[fmpq, fmpq]
+
+    @property
+    def least_drop(self) -> fmpq:
+        constant, slope = self.drop
+        return min(constant + slope * self.lower, constant + slope * self.upper)
+
+
+def end_level(template: str, rate: fmpq, duration: fmpq) -> tuple[fmpq, fmpq]:
+    """Rationals below and above ρ(T), the level of the funnel's end."""
+    if template == "paper":
+        return 1 - rate * duration, 1 - rate * duration
+    if template == "contracting":
+        return exp_bounds(-rate * duration)
+    raise ValueError(f"unknown template {template!r}")
+
+
+def steady_pieces(template: str, rate: fmpq, duration: fmpq, beta_lower: fmpq) -> list[LevelPiece]:
+    """The shell β̲ ≤ V ≤ 1 of a steady segment, θ eliminated: ranges of q that cover it.
+
+    Raises:
+        ValueError: where the shell would hold the reference itself (q = 0).
+    """
+    low, high = end_level(template, rate, duration)
+    zero, one = fmpq(0), fmpq(1)
+    if template == "paper":
+        pieces = [LevelPiece(beta_lower - max(rate * duration, zero), max(one, high), (rate, zero), (one, zero))]
+    else:
+        start, peak = beta_lower * min(low, one), max(high, one)
+        rising, flat = (zero, 1 / beta_lower), (peak, zero)
+        pieces = [
+            LevelPiece(start, beta_lower * peak, (zero, rate), rising),
+            LevelPiece(beta_lower * peak, peak, (zero, rate), flat),
+        ]
+    if pieces[0].lower <= 0:
+        raise ValueError("the shell reaches the reference: c0 T has to stay below beta_lower")
+    return pieces
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One sign pattern on one range of q: the signs of the s_i (in the order of the free inputs) and the vertex u."""
+
+    piece: int
+    signs: tuple[int, ...]
+    vertex: tuple[fmpq, ...]
+
+
+@dataclass(frozen=True)
+class CellProof:
+    """Margin and Gram matrices for one cell: Q₀ first, then one per sign, then q_lo and q_hi."""
+
+    cell: Cell
+    margin: fmpq
+    grams: tuple[Matrix, ...]
+
+
+@dataclass(frozen=True)
+class SteadyDecrease:
+    """Condition (d) on one steady segment; everything is rational.
+
+    `profile` gives the reference's constants by the graph's input names, `inputs` the box by input name (u0 first),
+    `enclosures` one proven `UnaryEnclosure` per sin or cos node of the graph.
+    """
+
+    graph: Graph
+    states: tuple[str, ...]
+    profile: Mapping[str, fmpq]
+    inputs: Mapping[str, tuple[fmpq, fmpq]]
+    shape: Matrix  # C
+    whitening: Matrix  # W
+    pieces: tuple[LevelPiece, ...]
+    enclosures: Mapping[int, UnaryEnclosure]
+
+    @cached_property
+    def ring(self) -> fmpq_mpoly_ctx:
+        return fmpq_mpoly_ctx.get([f"y{k}" for k in range(len(self.states))], "degrevlex")
+
+    @cached_property
+    def deviations(self) -> list[fmpq_mpoly]:
+        """x = W y."""
+        y = self.ring.gens()
+        return [sum((w * yk for w, yk in zip(row, y, strict=True)), self.ring.constant(0)) for row in self.whitening]
+
+    @cached_property
+    def covector(self) -> list[fmpq_mpoly]:
+        """∇q = 2 C x."""
+        return [
+            sum((2 * c * x for c, x in zip(row, self.deviations, strict=True)), self.ring.constant(0))
+            for row in self.shape
+        ]
+
+    @cached_property
+    def form(self) -> fmpq_mpoly:
+        """q = xᵀ C x as a polynomial in y."""
+        half = fmpq(1, 2)
+        pairs = zip(self.deviations, self.covector, strict=True)
+        return sum((half * x * g for x, g in pairs), self.ring.constant(0))
+
+    @cached_property
+    def domain(self) -> Domain:
+        """A ball in y that holds {q ≤ largest level}: proven, for W is only nearly C^{−1/2}."""
+        level = max(piece.upper for piece in self.pieces)
+        radius_squared = level * (1 + RADIUS_SLACK)
+        size = len(self.states)
+        w, c = self.whitening, self.shape
+        scaled = [
+            [
+                sum((w[k][i] * c[k][m] * w[m][j] for k in range(size) for m in range(size)), fmpq(0)) * radius_squared
+                - (level if i == j else 0)
+                for j in range(size)
+            ]
+            for i in range(size)
+        ]
+        if not is_positive_definite(scaled):
+            raise ValueError("the whitening is not close enough to C^{-1/2}, or C is not positive definite")
+        return Domain(self.ring, radius_squared)
+
+    def argument_ranges(self) -> dict[int, fmpq]:
+        """How far the argument of each sin or cos node reaches, for arguments without a remainder of their own."""
+        reach: dict[int, fmpq] = {}
+
+        def note(node: int, function: str, argument: Enclosure) -> Enclosure:
+            reach[node] = argument.magnitude()
+            return self.domain.constant(fmpq(0))
+
+        rest = {name: fmpq(0) for name in self.inputs}
+        self._rates(rest, note)
+        return reach
+
+    def _rates(self, inputs: Mapping[str, fmpq], function) -> list[Enclosure]:  # noqa: ANN001
+        values = {name: self.domain.exact(x) for name, x in zip(self.states, self.deviations, strict=True)}
+        values |= {f"reference:{name}": self.domain.constant(value) for name, value in self.profile.items()}
+        values |= {
+            name: self.domain.constant(value)
+            for name, value in ((f"input:{name}", value) for name, value in inputs.items())
+        }
+        return self.graph.evaluate(values, self.domain.constant, function)
+
+    def form_rate(self, inputs: Mapping[str, fmpq]) -> Enclosure:
+        """q̇ = ∇q · f(x, u) at constant inputs."""
+        rates = self._rates(inputs, lambda node, _, argument: argument.apply(self.enclosures[node]))
+        total = self.domain.constant(fmpq(0))
+        for gradient, rate in zip(self.covector, rates, strict=True):
+            total = total + self.domain.exact(gradient) * rate
+        return total
+
+    @cached_property
+    def free_inputs(self) -> tuple[str, ...]:
+        """Inputs with room to move; u0 of trajectory tracking has none."""
+        return tuple(name for name, (lower, upper) in self.inputs.items() if lower < upper)
+
+    @cached_property
+    def form_rates(self) -> dict[tuple[fmpq, ...], Enclosure]:
+        """q̇ at every vertex of the input box."""
+        corners = product(*(sorted({lower, upper}) for lower, upper in self.inputs.values()))
+        return {corner: self.form_rate(dict(zip(self.inputs, corner, strict=True))) for corner in corners}
+
+    def cells(self) -> Iterator[Cell]:
+        """All sign patterns on all pieces, each with its best vertex: the lower end where s_i ≥ 0, else the upper."""
+        for piece in range(len(self.pieces)):
+            for signs in product((1, -1), repeat=len(self.free_inputs)):
+                sign = dict(zip(self.free_inputs, signs, strict=True))
+                vertex = tuple(
+                    upper if sign.get(name, 1) < 0 else lower for name, (lower, upper) in self.inputs.items()
+                )
+                yield Cell(piece, signs, vertex)
+
+    def timing(self, piece: LevelPiece) -> fmpq_mpoly:
+        return piece.timing[0] + piece.timing[1] * self.form
+
+    def drop(self, piece: LevelPiece) -> fmpq_mpoly:
+        return piece.drop[0] + piece.drop[1] * self.form
+
+    def target(self, cell: Cell) -> fmpq_mpoly:
+        """p_u − ε: a polynomial that is nowhere on the ball above F_u."""
+        rate = self.form_rates[cell.vertex]
+        u0 = dict(zip(self.inputs, cell.vertex, strict=True))["u0"]
+        return -(rate.polynomial + self.timing(self.pieces[cell.piece]) * u0) - rate.remainder
+
+    def constraints(self, cell: Cell) -> list[fmpq_mpoly]:
+        """Polynomials that are not negative on the cell: ± s_i, q − q_lo, q_hi − q."""
+        piece = self.pieces[cell.piece]
+        found = []
+        for name, sign in zip(self.free_inputs, cell.signs, strict=True):
+            index = list(self.inputs).index(name)
+            lower, upper = self.inputs[name]
+            corner = [low for low, _ in self.inputs.values()]
+            bottom = self.form_rates[tuple(corner)].polynomial
+            corner[index] = upper
+            slope = (self.form_rates[tuple(corner)].polynomial - bottom) / (upper - lower)
+            if name == "u0":
+                slope += self.timing(piece)
+            found.append(sign * slope)
+        return [*found, self.form - piece.lower, piece.upper - self.form]
+
+    def proven_margin(self, proof: CellProof, bases: Sequence[Sequence[tuple[int, ...]]]) -> fmpq:
+        """The λ that the proof shows on its cell: its margin less what the leftover r costs.
+
+        `bases` lists the exponents of the monomials of z₀ and of z for each constraint.
+
+        Raises:
+            ValueError: names what is not as it has to be.
+        """
+        cell, piece = proof.cell, self.pieces[proof.cell.piece]
+        if any(not lower <= u <= upper for u, (lower, upper) in zip(cell.vertex, self.inputs.values(), strict=True)):
+            raise ValueError("an input lies outside its limits")
+        left = self.target(cell) - proof.margin * self.drop(piece)
+        factors = [self.ring.constant(1), *self.constraints(cell)]
+        for factor, gram, basis in zip(factors, proof.grams, bases, strict=True):
+            if len(gram) != len(basis) or not is_positive_definite(gram):
+                raise ValueError("a Gram matrix is not positive definite")
+            left -= factor * quadratic_form(self.ring, gram, basis)
+        return proof.margin - self.domain.bound(left) / piece.least_drop
+
+
+def quadratic_form(ring: fmpq_mpoly_ctx, gram: Matrix, basis: Sequence[tuple[int, ...]]) -> fmpq_mpoly:
+    """zᵀ Q z for the monomials z with the exponents in `basis`."""
+    terms: dict[tuple[int, ...], fmpq] = {}
+    for i, first in enumerate(basis):
+        for j in range(i + 1):
+            exponents = tuple(a + b for a, b in zip(first, basis[j], strict=True))
+            value = gram[i][j] if i == j else 2 * gram[i][j]
+            terms[exponents] = terms.get(exponents, fmpq(0)) + value
+    return ring.from_dict(terms)

@@ -1,0 +1,75 @@
+"""Expression graphs: the dynamics as data.
+
+A graph is a list of nodes, each an operation on earlier nodes, over named inputs. It is what a vehicle's JAX function
+becomes on its way into a proof (`cfjax.certificate.trace`): plain data that any arithmetic can evaluate, so that the
+checker needs neither JAX nor the vehicle's code.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flint import fmpq
+
+
+ARITHMETIC: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "neg": lambda a: -a,
+}
+UNARY_FUNCTIONS = ("sin", "cos")
+
+
+@dataclass(frozen=True)
+class Node:
+    """One operation: `op` on the values of earlier nodes `args`; `value` of a constant, `name` of an input."""
+
+    op: str
+    args: tuple[int, ...] = ()
+    value: fmpq | None = None
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Nodes in order of evaluation and the outputs among them."""
+
+    nodes: tuple[Node, ...]
+    outputs: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        for index, node in enumerate(self.nodes):
+            if any(not 0 <= arg < index for arg in node.args):
+                raise ValueError(f"node {index} refers to a node that does not come before it")
+        if any(not 0 <= output < len(self.nodes) for output in self.outputs):
+            raise ValueError("an output refers to a node that does not exist")
+
+    def evaluate(
+        self,
+        inputs: Mapping[str, Any],
+        constant: Callable[[fmpq], Any],
+        function: Callable[[int, str, Any], Any],
+    ) -> list[Any]:
+        """Values of the outputs in the arithmetic of `inputs`.
+
+        `constant` lifts a rational into that arithmetic; `function(node, name, argument)` applies sin or cos.
+        """
+        values: list[Any] = []
+        for index, node in enumerate(self.nodes):
+            arguments = [values[arg] for arg in node.args]
+            if node.op == "input":
+                values.append(inputs[str(node.name)])
+            elif node.op == "constant":
+                values.append(constant(node.value))
+            elif node.op in UNARY_FUNCTIONS:
+                values.append(function(index, node.op, *arguments))
+            elif node.op in ARITHMETIC:
+                values.append(ARITHMETIC[node.op](*arguments))
+            else:
+                raise ValueError(f"unknown operation {node.op!r} at node {index}")
+        return [values[output] for output in self.outputs]
+
+    def inputs(self) -> Sequence[str]:
+        """Names of the inputs, in order of appearance."""
+        return [str(node.name) for node in self.nodes if node.op == "input"]

@@ -1,0 +1,7 @@
+"""What is sought: templates of funnel functions, funnels, and the conditions that make one a control funnel function."""
+
+from cfjax.funnel.funnel import Funnel
+from cfjax.funnel.template import TEMPLATES, Contracting, Paper, Template, template_named
+
+
+__all__ = ["TEMPLATES", "Contracting", "Funnel", "Paper", "Template", "template_named"]

@@ -1,0 +1,118 @@
+"""Templates of funnel functions: the family in which V is sought.
+
+Both are built on the quadratic form q = xᵀ C x of the deviation and one rate, normalised to β = 1:
+
+    paper        V = q + c0 θ         level set at θ: q ≤ ρ(θ) = 1 − c0 θ
+    contracting  V = e^{kθ} q         level set at θ: q ≤ ρ(θ) = e^{−kθ}
+
+Condition (d) of the paper, V̇ ≤ −λ on the shell β̲ ≤ V ≤ 1, reads for both
+
+    q̇ + timing(q) u0 ≤ −λ drop      with timing = c0, drop = 1       on q ∈ [β̲ − c0 θ, 1 − c0 θ]
+                                     with timing = k q, drop = ρ(θ)   on q ∈ [β̲ ρ(θ), ρ(θ)]
+
+Where the dynamics do not depend on θ (a steady segment) neither does anything else, and θ is eliminated exactly: a
+deviation with form q has to decrease for every θ at which it lies in the shell, the worst of them has the largest drop.
+
+The functions work on floats, JAX arrays and exact numbers alike where no exponential is taken.
+"""
+
+import abc
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from cfjax.errors import InputError
+from cfjax.problem.vehicle import Scalar
+
+
+class Template(abc.ABC):
+    """One family of funnel functions; stateless. `rate` is c0 or k in 1/s, `duration` is T in s."""
+
+    name: ClassVar[str]
+    rate_name: ClassVar[str]  # its name in result.json
+
+    @abc.abstractmethod
+    def level(self, rate: Scalar, theta: Scalar) -> Scalar:
+        """ρ(θ): the funnel at θ is {q ≤ ρ(θ)}."""
+
+    @abc.abstractmethod
+    def value(self, rate: Scalar, theta: Scalar, q: Scalar) -> Scalar:
+        """V(θ, x) for q = xᵀ C x."""
+
+    @abc.abstractmethod
+    def scale(self, rate: Scalar, theta: Scalar) -> Scalar:
+        """σ(θ) with V̇ = σ (q̇ + timing(q) u0)."""
+
+    @abc.abstractmethod
+    def timing(self, rate: Scalar, q: Scalar) -> Scalar:
+        """The coefficient of u0 that the template adds to q̇."""
+
+    @abc.abstractmethod
+    def shell(self, rate: Scalar, duration: Scalar, beta_lower: float) -> tuple[Scalar, Scalar]:
+        """Smallest and largest q that lie in the shell β̲ ≤ V ≤ 1 at some θ ∈ [0, T]."""
+
+    @abc.abstractmethod
+    def drop(self, rate: Scalar, duration: Scalar, beta_lower: float, q: Scalar) -> Scalar:
+        """The largest 1/σ(θ) over the θ ∈ [0, T] at which q lies in the shell: q̇ + timing u0 ≤ −λ drop."""
+
+
+class Paper(Template):
+    """V = xᵀ C x + c0 θ, the paper's own."""
+
+    name = "paper"
+    rate_name = "c0"
+
+    def level(self, rate: Scalar, theta: Scalar) -> Scalar:
+        return 1 - rate * theta
+
+    def value(self, rate: Scalar, theta: Scalar, q: Scalar) -> Scalar:
+        return q + rate * theta
+
+    def scale(self, rate: Scalar, theta: Scalar) -> Scalar:
+        return 1 + 0 * rate * theta
+
+    def timing(self, rate: Scalar, q: Scalar) -> Scalar:
+        return rate + 0 * q
+
+    def shell(self, rate: Scalar, duration: Scalar, beta_lower: float) -> tuple[Scalar, Scalar]:
+        change = rate * duration
+        return beta_lower - jnp.maximum(change, 0.0), 1 - jnp.minimum(change, 0.0)
+
+    def drop(self, rate: Scalar, duration: Scalar, beta_lower: float, q: Scalar) -> Scalar:
+        return 1 + 0 * q
+
+
+class Contracting(Template):
+    """V = e^{kθ} xᵀ C x: the level sets shrink at a relative rate, so the last and smallest need not outrun it."""
+
+    name = "contracting"
+    rate_name = "rate"
+
+    def level(self, rate: Scalar, theta: Scalar) -> Scalar:
+        return jnp.exp(-rate * theta)
+
+    def value(self, rate: Scalar, theta: Scalar, q: Scalar) -> Scalar:
+        return jnp.exp(rate * theta) * q
+
+    def scale(self, rate: Scalar, theta: Scalar) -> Scalar:
+        return jnp.exp(rate * theta)
+
+    def timing(self, rate: Scalar, q: Scalar) -> Scalar:
+        return rate * q
+
+    def shell(self, rate: Scalar, duration: Scalar, beta_lower: float) -> tuple[Scalar, Scalar]:
+        end = jnp.exp(-rate * duration)
+        return beta_lower * jnp.minimum(end, 1.0), jnp.maximum(end, 1.0)
+
+    def drop(self, rate: Scalar, duration: Scalar, beta_lower: float, q: Scalar) -> Scalar:
+        return jnp.minimum(q / beta_lower, jnp.maximum(jnp.exp(-rate * duration), 1.0))
+
+
+TEMPLATES: dict[str, Template] = {template.name: template for template in (Contracting(), Paper())}
+
+
+def template_named(name: str) -> Template:
+    """The template of that name; raises InputError with the list of names."""
+    if name not in TEMPLATES:
+        raise InputError(f"template: expected one of {', '.join(TEMPLATES)}, got {name}")
+    return TEMPLATES[name]

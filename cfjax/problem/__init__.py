@@ -1,0 +1,34 @@
+"""The question: which vehicle, along which path, between which sets, within which inputs.
+
+Everything downstream (learner, falsifier, certificate, control, simulation, report) reads the one definition that
+stands here; no other place writes the dynamics, the path or the sets a second time.
+"""
+
+from cfjax.problem.deviation import affine_deviation, deviation_rate
+from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight
+from cfjax.problem.problem import Method, Problem, make_problem
+from cfjax.problem.sets import Box, Ellipsoid, ball
+from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
+
+
+__all__ = [
+    "Box",
+    "Ellipsoid",
+    "Interval",
+    "KinematicBicycle",
+    "Method",
+    "Path",
+    "Pose",
+    "Problem",
+    "Profile",
+    "ReferencePoint",
+    "Segment",
+    "Twist",
+    "Vehicle",
+    "affine_deviation",
+    "ball",
+    "circle",
+    "deviation_rate",
+    "make_problem",
+    "straight",
+]

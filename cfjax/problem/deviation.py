@@ -1,0 +1,79 @@
+"""Deviation dynamics in the body frame of the reference: derived once, for every vehicle and every path.
+
+With the pose deviation p = R(α_r) p_R + p_r, α = α_R + α_r and the internal states ξ = ξ_R + ξ_r(θ), θ̇ = u0:
+
+    α̇_R = ω(ξ, u) − ω_r u0
+    ṗ_R = R(α_R) ν(ξ, u) − ν_r u0 − ω_r u0 J p_R
+    ξ̇_R = f(ξ, u) − ξ_r'(θ) u0
+
+(ω, ν) is the vehicle's body twist, (ω_r, ν_r) the reference's, J the quarter turn. For the bicycle this is the paper's
+"body fixed frame". On a straight line or a circle at constant speed nothing here depends on θ.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cfjax.problem.vehicle import Scalar, Vehicle
+
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+jax.config.update("jax_enable_x64", True)  # the one place: margins are compared to parts in 1e-9
+
+
+class ReferencePoint(NamedTuple):
+    """What the dynamics see of a reference at one θ: nothing of its pose, only its profile."""
+
+    turn_rate: Scalar  # ω_r = dα_r/dθ, rad/s
+    speed: Scalar  # v_r, m/s
+    turn_rate_slope: Scalar = 0.0  # dω_r/dθ, rad/s²
+    speed_slope: Scalar = 0.0  # dv_r/dθ, m/s²
+
+
+def deviation_rate(vehicle: Vehicle, x: "Sequence", inputs: "Sequence", reference: ReferencePoint) -> tuple:
+    """Time derivative of the deviation (α_R, x_R, y_R, ξ_R…): rad/s, m/s, m/s, unit of ξ per second.
+
+    `x` has one scalar per `vehicle.state_names`, `inputs` is (u0, *vehicle inputs). Scalars in, scalars out.
+    """
+    alpha, px, py, *internal = x
+    u0, *u = inputs
+
+    def internal_reference(turn_rate: Scalar, speed: Scalar) -> list:
+        return [jnp.asarray(value, float) for value in vehicle.reference(turn_rate, speed)[1]]
+
+    point = (jnp.asarray(reference.turn_rate, float), jnp.asarray(reference.speed, float))
+    slope = (jnp.asarray(reference.turn_rate_slope, float), jnp.asarray(reference.speed_slope, float))
+    internal_r, internal_r_slope = jax.jvp(internal_reference, point, slope)
+    twist_r = vehicle.reference(*point)[0]
+
+    full = tuple(dev + ref for dev, ref in zip(internal, internal_r, strict=True))
+    twist = vehicle.twist(full, tuple(u))
+    rate = vehicle.internal_rate(full, tuple(u))
+    c, s = jnp.cos(alpha), jnp.sin(alpha)
+    return (
+        twist.turn - twist_r.turn * u0,
+        c * twist.lateral - s * twist.forward - twist_r.lateral * u0 + twist_r.turn * u0 * py,
+        s * twist.lateral + c * twist.forward - twist_r.forward * u0 - twist_r.turn * u0 * px,
+        *(own - ref * u0 for own, ref in zip(rate, internal_r_slope, strict=True)),
+    )
+
+
+def affine_deviation(
+    vehicle: Vehicle, x: Float[Array, " n"], reference: ReferencePoint
+) -> tuple[Float[Array, " n"], Float[Array, "n m"]]:
+    """Drift f and input columns g with ẋ = f + g (u0, u): the dynamics are affine in the inputs.
+
+    Returns:
+        f of shape (n,) and g of shape (n, 1 + number of vehicle inputs); column 0 belongs to the timing law.
+    """
+
+    def rate(inputs: Array) -> Array:
+        return jnp.stack([jnp.asarray(r, float) for r in deviation_rate(vehicle, tuple(x), tuple(inputs), reference)])
+
+    rest = jnp.zeros(1 + len(vehicle.input_names))
+    return rate(rest), jax.jacfwd(rate)(rest)

@@ -1,0 +1,143 @@
+"""References: a path is its turning rate and speed profile, segment by segment.
+
+Only ω_r(θ), v_r(θ) enter the deviation dynamics, so they are the definition; the pose follows by integration and is
+needed for pictures, for files and by a car that knows where it is. θ is the time of the reference, in seconds: it runs
+at rate u0 along the clock.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import PPoly
+
+from cfjax.errors import InputError
+from cfjax.problem.deviation import ReferencePoint
+
+
+class Pose(NamedTuple):
+    """Heading in rad (0 looks along +y), position in m, inertial frame."""
+
+    alpha: float
+    x: float
+    y: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A scalar function of θ: piecewise polynomial.
+
+    `breaks` has pieces + 1 entries (s), `coefficients[k]` belongs to piece k, ascending powers of θ − breaks[k].
+    """
+
+    breaks: tuple[float, ...]
+    coefficients: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        if len(self.breaks) != len(self.coefficients) + 1 or not all(np.diff(self.breaks) > 0):
+            raise InputError(
+                f"profile: expected increasing breaks, one more than pieces; got {len(self.breaks)} breaks and "
+                f"{len(self.coefficients)} pieces"
+            )
+        if not np.all(np.isfinite(np.concatenate([self.breaks, *self.coefficients]))):
+            raise InputError("profile: expected finite breaks and coefficients")
+
+    @classmethod
+    def constant(cls, value: float, duration: float) -> "Profile":
+        return cls((0.0, float(duration)), ((float(value),),))
+
+    @property
+    def is_constant(self) -> bool:
+        first = self.coefficients[0][0]
+        return all(c[0] == first and not any(c[1:]) for c in self.coefficients)
+
+    @cached_property
+    def polynomial(self) -> PPoly:
+        order = max(map(len, self.coefficients))
+        table = np.zeros((order, len(self.coefficients)))
+        for piece, ascending in enumerate(self.coefficients):
+            table[order - len(ascending) :, piece] = ascending[::-1]
+        return PPoly(table, np.array(self.breaks))
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of reference, θ ∈ [0, duration]."""
+
+    turn_rate: Profile  # ω_r = dα_r/dθ, rad/s
+    speed: Profile  # v_r, m/s
+    start: Pose
+
+    def __post_init__(self) -> None:
+        if self.turn_rate.breaks[-1] != self.speed.breaks[-1] or self.turn_rate.breaks[0] != 0 != self.speed.breaks[0]:
+            raise InputError("segment: turn rate and speed need the same range of theta, from 0 to the duration")
+
+    @property
+    def duration(self) -> float:
+        """T, in seconds of reference time."""
+        return self.speed.breaks[-1]
+
+    @property
+    def is_steady(self) -> bool:
+        """True when nothing depends on θ: the deviation dynamics are the same all along."""
+        return self.turn_rate.is_constant and self.speed.is_constant
+
+    def point(self, theta: float) -> ReferencePoint:
+        """Profile at θ (s): turn rate, speed and their slopes."""
+        omega, v = self.turn_rate.polynomial, self.speed.polynomial
+        return ReferencePoint(float(omega(theta)), float(v(theta)), float(omega(theta, 1)), float(v(theta, 1)))
+
+    def poses(self, theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """Reference poses (α_r in rad, x_r, y_r in m) at increasing θ (s), by Gauss–Legendre quadrature."""
+        heading = self.turn_rate.polynomial.antiderivative()
+        grid = np.unique(np.concatenate([[0.0], theta, self.turn_rate.breaks, self.speed.breaks]))
+        nodes, weights = np.polynomial.legendre.leggauss(12)
+        half = 0.5 * np.diff(grid)[:, None]
+        at = grid[:-1, None] + half * (1 + nodes)
+        alpha = self.start.alpha + heading(at)
+        step = half * weights * self.speed.polynomial(at)
+        dx, dy = -(step * np.sin(alpha)).sum(1), (step * np.cos(alpha)).sum(1)
+        x = self.start.x + np.concatenate([[0.0], np.cumsum(dx)])
+        y = self.start.y + np.concatenate([[0.0], np.cumsum(dy)])
+        index = np.searchsorted(grid, theta)
+        return np.stack([self.start.alpha + heading(theta), x[index], y[index]], axis=-1)
+
+
+@dataclass(frozen=True)
+class Path:
+    """A named chain of segments."""
+
+    name: str
+    segments: tuple[Segment, ...]
+
+    def __post_init__(self) -> None:
+        if not self.segments:
+            raise InputError(f"path {self.name}: expected at least one segment, got none")
+
+
+def _positive(owner: str, **values: float) -> None:
+    for label, value in values.items():
+        if not 0 < value < float("inf"):
+            raise InputError(f"{owner}.{label}: expected a positive finite number, got {value}")
+
+
+def straight(length: float = 4.0, speed: float = 2.0) -> Path:
+    """Straight line along +x through the origin, from −length/2 to length/2 (m), at constant speed (m/s)."""
+    _positive("path", length=length, speed=speed)
+    duration = length / speed
+    start = Pose(-np.pi / 2, -length / 2, 0.0)
+    return Path("straight", (Segment(Profile.constant(0.0, duration), Profile.constant(speed, duration), start),))
+
+
+def circle(radius: float = 1.5, speed: float = np.pi / 2, laps: float = 1.0) -> Path:
+    """Circle about the origin, counter-clockwise from (radius, 0), at constant speed (m/s); radius in m.
+
+    The paper prints the heading as π t/3 beside a position that turns at 1 rad/s; both turn at speed/radius here.
+    """
+    _positive("path", radius=radius, speed=speed, laps=laps)
+    omega = speed / radius
+    duration = laps * 2 * np.pi / omega
+    start = Pose(0.0, radius, 0.0)
+    return Path("circle", (Segment(Profile.constant(omega, duration), Profile.constant(speed, duration), start),))
