@@ -1,0 +1,60 @@
+"""What a synthesis returns: one typed object with verdict, message, funnels, margins and statistics."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from cfjax.funnel import Funnel
+from cfjax.problem import Problem
+from cfjax.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class SegmentResult:
+    """One segment's funnel and its margins λ in 1/s; None where there is no such figure."""
+
+    funnel: Funnel
+    margin_falsified: float  # smallest margin that the falsifier found: the true one is not larger
+    margin_certified: float | None = None  # proven: the true one is not smaller
+    margin_sos: float | None = None  # optimum of the numerical sums-of-squares program
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """Cars driven through the funnel under the certified law; counts of what must not happen, and what was seen."""
+
+    cars: int
+    left_funnel: int  # V > 1 at some time
+    left_safe: int  # outside S at some time
+    missed_goal: int  # not inside G when θ reached T
+    largest_value: float  # max of V over all cars and times
+    arrival: tuple[float, float]  # earliest and latest arrival, s
+
+
+@dataclass(frozen=True)
+class Result:
+    """Verdict and message (one line), the funnels found with their margins, and how it went."""
+
+    verdict: Verdict
+    message: str
+    problem: Problem
+    segments: tuple[SegmentResult, ...] = ()
+    closed_loop: ClosedLoop | None = None
+    seconds: dict[str, float] = field(default_factory=dict)  # learn, certify, simulate, plot, …, total
+    iterations: int = 0  # rounds of the learn–certify loop
+    history: tuple[dict[str, float], ...] = ()  # per round: margin falsified, certified, counterexamples
+    document: dict[str, Any] | None = None  # certificate.json, where there is one
+
+    @property
+    def margin_certified(self) -> float | None:
+        """The smallest over the segments, 1/s; None unless every segment is certified."""
+        margins = [segment.margin_certified for segment in self.segments]
+        return None if not margins or None in margins else min(m for m in margins if m is not None)
+
+    @property
+    def margin_falsified(self) -> float | None:
+        """The smallest over the segments, 1/s."""
+        return min((segment.margin_falsified for segment in self.segments), default=None)
+
+    def replace(self, **changes: Any) -> "Result":
+        """The same result with some fields changed."""
+        return replace(self, **changes)
