@@ -54,20 +54,22 @@ def min_norm_input(
 ) -> Float[Array, " m"]:
     """Inputs (u0, …) at (θ in s, deviation x).
 
-    V in [β̲, 1]: V̇ ≤ −λ'. Below β̲ the demand fades linearly, to V̇ ≤ 0 one shell's width further in, and yields to the
-    box where it is infeasible. Above 1 the best vertex: nothing is guaranteed there.
+    On the shell V ∈ [β̲, 1]: V̇ ≤ −λ'. Inside, the demand fades with q, down to nothing on the reference itself, and is
+    soft: it yields continuously where the box cannot meet it, so that the law does not chatter on ridges where inputs
+    lose authority. Above 1 the best vertex: nothing is guaranteed there.
     """
     gradient = 2 * law.shape @ x
     q = 0.5 * gradient @ x
-    value = template.value(law.rate, theta, q)
+    level, scale = template.level(law.rate, theta), template.scale(law.rate, theta)
+    inner = level - (1 - law.beta_lower) / scale  # the q at which V = β̲
+    demand = jnp.minimum(q / inner, 1.0)
     drift, columns = affine_deviation(vehicle, x, law.reference)
     b = gradient @ columns
-    b = b.at[0].add(template.timing(law.rate, q))
-    fade = jnp.maximum(law.beta_lower - value, 0.0) / (1 - law.beta_lower)
-    allowed = -law.decrease * (1 - fade) / template.scale(law.rate, theta)
-    excess = gradient @ drift + b @ law.feedforward - allowed
-    excess = jnp.where(value > 1, jnp.inf, excess)
-    return nearest_in_box(b, excess, law.feedforward, law.lower, law.upper)
+    b = b.at[0].add(demand * template.timing(law.rate, q))
+    excess = gradient @ drift + b @ law.feedforward + demand * law.decrease / scale
+    excess = jnp.where(q > level, jnp.inf, excess)
+    softness = (1 - demand) * (law.decrease / scale) ** 2
+    return nearest_in_box(b, excess, law.feedforward, law.lower, law.upper, softness)
 
 
 def nearest_in_box(
@@ -76,18 +78,21 @@ def nearest_in_box(
     centre: Float[Array, " m"],
     lower: Float[Array, " m"],
     upper: Float[Array, " m"],
+    softness: Scalar = 0.0,
 ) -> Float[Array, " m"]:
     """The input in the box nearest to `centre` (scaled by half-widths) with b · (v − centre) ≤ −excess.
 
-    Where the box cannot do it, the vertex that comes closest. `centre` lies in the box.
+    Where the box cannot do it, the vertex that comes closest. A `softness` > 0 adds a slack to the demand at the cost
+    slack²/softness beside Σ ((v − centre)/half)²: one more input of unlimited room. `centre` lies in the box.
     """
     half = 0.5 * (upper - lower)
     gain = jnp.abs(b) * half  # effect of one half-width
     room = jnp.where(half > 0, jnp.where(b > 0, centre - lower, upper - centre) / jnp.where(half > 0, half, 1.0), 0.0)
     breaks = room / jnp.where(gain > 0, gain, 1.0)  # multiplier at which each input meets its limit
-    reached = (gain * jnp.minimum(breaks[:, None] * gain[None, :], room[None, :])).sum(axis=1)
+    reached = (gain[None, :] * jnp.minimum(breaks[:, None] * gain[None, :], room[None, :])).sum(axis=1)
+    reached = reached + softness * breaks
     saturated = reached < excess
-    slope = jnp.where(saturated, 0.0, gain**2).sum()
+    slope = jnp.where(saturated, 0.0, gain**2).sum() + softness
     multiplier = (excess - jnp.where(saturated, gain * room, 0.0).sum()) / jnp.where(slope > 0, slope, 1.0)
     free = jnp.minimum(jnp.maximum(multiplier, 0.0) * gain, room)
     moved = jnp.where(saturated, room, free)
