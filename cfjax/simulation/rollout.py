@@ -15,7 +15,7 @@ from cfjax.problem import Ellipsoid, Problem, Segment, Vehicle, affine_deviation
 from cfjax.result import ClosedLoop
 
 
-STEPS_PER_SEGMENT = 600  # of reference time; u0 ≥ 1/2 takes at most twice as many
+STEPS_PER_SEGMENT = 400  # of reference time; u0 ≥ 1/2 takes at most twice as many
 ROUNDING = 1e-9  # of V at a car that starts on the boundary of a set
 
 

@@ -1,0 +1,45 @@
+"""Questions that cannot be asked are refused with the expected and the actual."""
+
+import numpy as np
+import pytest
+
+from cfjax.errors import InputError
+from cfjax.problem import Box, Ellipsoid, Interval, KinematicBicycle, Method, Problem, Profile, ball, circle, straight
+
+
+S = Box((1.0, 1.0, 1.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: circle(radius=-1.0), "path.radius: expected a positive finite number, got -1.0"),
+        (lambda: straight(speed=float("nan")), "path.speed: expected a positive finite number, got nan"),
+        (lambda: Problem(circle(radius=0.3)), "needs w = 1.133, but the vehicle's w lies in [-1, 1]"),
+        (lambda: Problem(circle(), inlet=ball(0.5, 3)), "sets.inlet: expected 4 numbers, one per state"),
+        (lambda: Problem(circle(), safe=Box((0.4, 1.0, 1.0, 3.0))), "sets.inlet: reaches 0.5 in alpha"),
+        (lambda: Problem(circle(), timing=Interval(0.0, 2.0)), "timing: expected 0 < lower <= 1 <= upper"),
+        (lambda: Problem(circle(), timing=Interval(1.2, 2.0)), "timing: expected 0 < lower <= 1 <= upper"),
+        (lambda: Interval(2.0, 1.0), "lower first"),
+        (lambda: Ellipsoid((0.5, 0.0)), "expected positive finite numbers"),
+        (lambda: Box(()), "expected positive finite numbers"),
+        (lambda: KinematicBicycle(wheelbase=0.0), "vehicle.wheelbase: expected a positive finite number"),
+        (lambda: Profile((0.0, 1.0, 0.5), ((1.0,), (1.0,))), "increasing breaks"),
+        (lambda: Profile((0.0, 1.0), ((float("inf"),),)), "finite breaks and coefficients"),
+    ],
+)
+def test_bad_questions_are_refused(build, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        build()
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_tracking_fixes_the_timing_input() -> None:
+    assert Problem(circle(), method=Method.TT).inputs[0] == Interval(1.0, 1.0)
+    assert Problem(circle()).inputs[0] == Interval(0.5, 2.0)
+
+
+def test_feedforward_holds_the_reference() -> None:
+    problem = Problem(circle(radius=2.0, speed=3.0), safe=S)
+    np.testing.assert_allclose(problem.feedforward(problem.path.segments[0], 0.0), [1.0, 0.34 / 2.0, 0.0], atol=1e-12)
