@@ -1,0 +1,30 @@
+"""Configuration: schemas (`schema.py`), presets (the YAML files), and how they become a problem (`build.py`).
+
+Importing the package registers the schemas with Hydra, so that presets can name them. The folder lies inside the
+package so that the presets travel with it.
+"""
+
+from hydra.core.config_store import ConfigStore
+
+from cfjax.conf.build import config_of, one_line, options_of, preset, preset_names, problem_of, typed, yaml_of
+from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config
+
+
+__all__ = [
+    "Config",
+    "config_of",
+    "one_line",
+    "options_of",
+    "preset",
+    "preset_names",
+    "problem_of",
+    "typed",
+    "yaml_of",
+]
+
+_store = ConfigStore.instance()
+_store.store("config", Config)
+for _kind, _path in PATH_KINDS.items():
+    _store.store(_kind, _path, group="path_kind")
+for _kind, _vehicle in VEHICLE_KINDS.items():
+    _store.store(_kind, _vehicle, group="vehicle_kind")

@@ -1,0 +1,156 @@
+"""From a configuration to the objects of `cfjax.problem` and `cfjax.synthesis`, by their plain constructors."""
+
+import dataclasses
+from collections.abc import Sequence
+from importlib import resources
+from numbers import Real
+from typing import Any
+
+from hydra import compose, initialize_config_module
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig
+from cfjax.errors import InputError
+from cfjax.problem import Box, Ellipsoid, Interval, Method, Problem
+from cfjax.synthesis import Options
+
+
+def typed(node: DictConfig) -> Config:
+    """The configuration as a `Config`; nobody below sees a DictConfig.
+
+    Raises:
+        InputError: for keys that no schema knows (a leading + smuggles them past Hydra), for missing and for bad values.
+    """
+    unknown = sorted(_unknown_keys(node, ""))
+    if unknown:
+        raise InputError("; ".join(unknown))
+    missing = sorted(OmegaConf.missing_keys(node))
+    if "path" in missing:
+        raise InputError(f"path: expected +path=NAME with one of {', '.join(preset_names())}, got none")
+    if missing:
+        raise InputError(f"expected a value for {', '.join(missing)}, got none")
+    try:
+        config = OmegaConf.to_object(node)
+    except OmegaConfBaseException as error:
+        raise InputError(one_line(error)) from error
+    assert isinstance(config, Config)
+    for label, value, base, kinds in (
+        ("path", config.path, PathConfig, PATH_KINDS),
+        ("vehicle", config.vehicle, VehicleConfig, VEHICLE_KINDS),
+    ):
+        if not isinstance(value, base):
+            raise InputError(f"{label}: expected a preset with one of the kinds {', '.join(kinds)}, got {value}")
+        if kinds.get(value.kind) is not type(value):
+            raise InputError(f"{label}.kind: expected the preset's own, got {value.kind}")
+    return config
+
+
+def preset_names() -> list[str]:
+    """The paths that come with the package."""
+    presets = resources.files("cfjax.conf") / "path"
+    return sorted(entry.name.removesuffix(".yaml") for entry in presets.iterdir() if entry.name.endswith(".yaml"))
+
+
+def preset(name: str, overrides: Sequence[str] = ()) -> Config:
+    """The configuration of +path=NAME and further overrides, as on the command line.
+
+    Raises:
+        InputError: for a name that does not come with the package.
+    """
+    if name not in preset_names():
+        raise InputError(f"path: expected one of {', '.join(preset_names())}, got {name}")
+    with initialize_config_module("cfjax.conf", version_base="1.3"):
+        return typed(compose("train", [f"+path={name}", *overrides]))
+
+
+def yaml_of(config: Config) -> str:
+    """The content of config.yaml; `config_of` reads it back."""
+    return OmegaConf.to_yaml(OmegaConf.structured(config))
+
+
+def config_of(text: str) -> Config:
+    """The configuration that stands in a run folder's config.yaml.
+
+    Raises:
+        InputError: where the text is not such a configuration.
+    """
+    try:
+        data = OmegaConf.create(text)
+        if not isinstance(data, DictConfig):
+            raise InputError("config.yaml: expected keys and values")
+        for label, kinds in (("path", PATH_KINDS), ("vehicle", VEHICLE_KINDS)):
+            kind = OmegaConf.select(data, f"{label}.kind")
+            if kind not in kinds:
+                raise InputError(f"config.yaml: expected {label}.kind to be one of {', '.join(kinds)}, got {kind}")
+            data[label] = OmegaConf.merge(OmegaConf.structured(kinds[kind]), data[label])
+        node = OmegaConf.merge(OmegaConf.structured(Config), data)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"config.yaml: {one_line(error)}") from error
+    assert isinstance(node, DictConfig)
+    return typed(node)
+
+
+def problem_of(config: Config) -> Problem:
+    """The question that the configuration asks; raises InputError where it cannot be asked."""
+    methods = {method.value: method for method in Method}
+    if config.method not in methods:
+        raise InputError(f"method: expected one of {', '.join(methods)}, got {config.method}")
+    if len(config.timing) != 2:
+        raise InputError(f"timing: expected two numbers, lower and upper, got {config.timing}")
+    vehicle = config.vehicle.build()
+    dimension = len(vehicle.state_names)
+    safe = config.sets.safe
+    return Problem(
+        path=config.path.build(),
+        inlet=Ellipsoid(_half_axes("sets.inlet", config.sets.inlet, dimension)),
+        goal=Ellipsoid(_half_axes("sets.goal", config.sets.goal, dimension)),
+        safe=None if safe is None else Box(_half_axes("sets.safe", safe, dimension)),
+        vehicle=vehicle,
+        method=methods[config.method],
+        timing=Interval(*config.timing),
+    )
+
+
+def options_of(config: Config) -> Options:
+    """How to look for a funnel."""
+    return Options(**{field.name: getattr(config, field.name) for field in dataclasses.fields(Options)})
+
+
+def one_line(error: BaseException) -> str:
+    """An error's message without line breaks and without the library's own bookkeeping."""
+    text = str(error)
+    if isinstance(error, ConfigKeyError | ConfigAttributeError) and isinstance(error.parent_node, DictConfig):
+        return f"{error.full_key}: no such key; expected one of {', '.join(map(str, error.parent_node))}"
+    if key := getattr(error, "full_key", None):
+        message = str(getattr(error, "msg", None) or text).strip().splitlines()[0]
+        return message if key in message else f"{key}: {message}"
+    lines = [line.strip() for line in text.splitlines()]
+    kept = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type="))]
+    return " ".join(kept) or type(error).__name__
+
+
+def _half_axes(label: str, value: Any, dimension: int) -> tuple[float, ...]:
+    numbers = value if isinstance(value, Sequence) and not isinstance(value, str) else [value] * dimension
+    if not all(isinstance(number, Real) and not isinstance(number, bool) for number in numbers):
+        raise InputError(f"{label}: expected a number or a list of {dimension} numbers, got {value}")
+    if not all(0 < number < float("inf") for number in numbers):
+        raise InputError(f"{label}: expected positive finite numbers, got {value}")
+    return tuple(float(number) for number in numbers)
+
+
+def _unknown_keys(node: Any, prefix: str) -> list[str]:
+    """Keys that stand in a typed node and not in its dataclass, with what would be known there."""
+    if not isinstance(node, DictConfig) or node._is_missing() or node._is_none():
+        return []
+    found = []
+    known = OmegaConf.get_type(node)
+    names = [field.name for field in dataclasses.fields(known)] if dataclasses.is_dataclass(known) else None
+    for key in node:
+        if names is not None and key not in names:
+            found.append(f"{prefix}{key}: no such key; expected one of {', '.join(names)}")
+        elif not OmegaConf.is_missing(node, key):
+            found += _unknown_keys(node[key], f"{prefix}{key}.")
+    return found

@@ -1,0 +1,48 @@
+"""How a run shows where it is: bars on a terminal, one line per finished stage in a file. All of it on stderr."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+from cfjax.synthesis import Progress as Callback
+
+
+@contextmanager
+def progress_on(stream: TextIO | None = None) -> Iterator[Callback]:
+    """A callback (stage, done, of) for the time of a run; a stage begins with its first call, ends at done = of."""
+    stream = sys.stderr if stream is None else stream
+    console = Console(file=stream)
+    if not console.is_terminal:
+        yield _Lines(stream)
+        return
+    columns = (TextColumn("{task.description:>12}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as bars:
+        yield _Bars(bars)
+
+
+class _Bars:
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
+
+    def __call__(self, stage: str, done: int, of: int) -> None:
+        if stage not in self._tasks:
+            self._tasks[stage] = self._bars.add_task(stage, total=of)
+        self._bars.update(self._tasks[stage], completed=done, total=of)
+
+
+class _Lines:
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._begun: dict[str, float] = {}
+
+    def __call__(self, stage: str, done: int, of: int) -> None:
+        begun = self._begun.setdefault(stage, time.monotonic())
+        if done >= of:
+            del self._begun[stage]
+            print(f"{stage}: {done} of {of}, {time.monotonic() - begun:.1f} s", file=self._stream, flush=True)

@@ -1,0 +1,288 @@
+"""The run folder: what a run leaves behind, and how it is read back.
+
+    certificate.json   the proof, where there is one
+    reference.csv      samples of the path
+    funnel.png         the picture
+    config.yaml        the question as it was configured
+    result.json        verdict and figures; written last: a folder that has it is complete
+
+Every file appears whole or not at all. `certified` is written only after the exact checker has accepted the
+certificate as it lies on disk.
+"""
+
+import csv
+import dataclasses
+import io
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfjax.errors import InputError
+from cfjax.funnel import Funnel, template_named
+from cfjax.problem import Problem, Segment
+from cfjax.result import ClosedLoop, Result, SegmentResult
+from cfjax.verdict import Verdict
+
+
+RESULT, CERTIFICATE, REFERENCE = "result.json", "certificate.json", "reference.csv"
+PICTURE, CONFIG = "funnel.png", "config.yaml"
+REFERENCE_ROWS = 201  # per segment
+PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
+
+Check = Callable[[Path], Verdict | None]  # what a certificate on disk proves; None where a claim is broken
+
+
+def check_on_disk(path: Path) -> Verdict | None:
+    """What the independent checker says that the file proves."""
+    from cfjax.check import Outcome, check_file  # pyright: ignore[reportAttributeAccessIssue]
+
+    proves = {Outcome.FUNNEL: Verdict.CERTIFIED, Outcome.REFUTATION: Verdict.REFUTED}
+    return proves.get(check_file(path).outcome)
+
+
+def refuse_finished(folder: Path) -> None:
+    """Raises InputError where the folder already holds a complete run: nothing is written over."""
+    if (folder / RESULT).exists():
+        raise InputError(f"run folder: expected an empty one, but {folder} already holds a run")
+
+
+def write_run(
+    result: Result,
+    folder: Path,
+    config_yaml: str,
+    picture: Callable[[Path], None] | None = None,
+    check: Check = check_on_disk,
+) -> Result:
+    """Write all files of a run into `folder` and return the result as it was written.
+
+    A result whose certificate the checker does not accept comes back `inconclusive`. `picture` draws funnel.png at
+    the path that it is given; if it fails, that is said on stderr and the run stands.
+    """
+    refuse_finished(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    for leftover in (CERTIFICATE, REFERENCE, PICTURE, CONFIG):  # of a run that was killed
+        (folder / leftover).unlink(missing_ok=True)
+    begin = time.perf_counter()
+    result = _write_certificate(result, folder / CERTIFICATE, check)
+    seconds = {"check": time.perf_counter() - begin} if result.document is not None else {}
+    write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
+    write_whole(folder / CONFIG, config_yaml.encode())
+    if picture is not None:
+        start = time.perf_counter()
+        _draw(picture, folder / PICTURE)
+        seconds["plot"] = time.perf_counter() - start
+    total = result.seconds.get("total", 0.0) + time.perf_counter() - begin
+    result = result.replace(seconds={**result.seconds, **seconds, "total": total})
+    write_whole(folder / RESULT, (json.dumps(result_json(result), indent=2, allow_nan=False) + "\n").encode())
+    return result
+
+
+def _write_certificate(result: Result, path: Path, check: Check) -> Result:
+    """The certificate on disk, accepted by the checker; or a result that claims nothing."""
+    if result.verdict not in (Verdict.CERTIFIED, Verdict.REFUTED):
+        return _without_claim(result, result.verdict, result.message)
+    if result.document is None:
+        return _without_claim(result, Verdict.INCONCLUSIVE, "there is no certificate to check, so nothing is proven")
+    write_whole(path, (json.dumps(result.document, indent=1, allow_nan=False) + "\n").encode())
+    try:
+        proven, reason = check(path), ""
+    except Exception as error:  # the checker is the judge: whatever stops it, nothing is proven
+        proven, reason = None, f" ({type(error).__name__}: {error})"
+    if proven is result.verdict:
+        return result
+    path.unlink()
+    found = result.verdict.value
+    return _without_claim(
+        result, Verdict.INCONCLUSIVE, f"the exact checker did not accept the certificate of a {found} run{reason}"
+    )
+
+
+def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
+    segments = tuple(dataclasses.replace(segment, margin_certified=None) for segment in result.segments)
+    return result.replace(verdict=verdict, message=message, segments=segments, document=None)
+
+
+def _draw(picture: Callable[[Path], None], path: Path) -> None:
+    draft = path.with_name(f".{path.name}")
+    try:
+        picture(draft.with_suffix(".part.png"))
+        os.replace(draft.with_suffix(".part.png"), path)
+    except Exception as error:
+        print(f"warning: {path.name} could not be drawn ({type(error).__name__}: {error})", file=sys.stderr)
+    finally:
+        draft.with_suffix(".part.png").unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that is never seen half-written: beside its place, to disk, then renamed."""
+    draft = path.with_name(f".{path.name}.part")
+    try:
+        with draft.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def reference_csv(problem: Problem) -> str:
+    """Samples of the path: segment, theta (s), alpha (rad), x, y (m), v (m/s), omega (rad/s); full precision."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["segment", "theta", "alpha", "x", "y", "v", "omega"])
+    for index, segment in enumerate(problem.path.segments):
+        theta = np.linspace(0.0, segment.duration, REFERENCE_ROWS)
+        profile = [segment.speed.polynomial(theta), segment.turn_rate.polynomial(theta)]
+        for row in np.column_stack([theta, segment.poses(theta), *profile]):
+            writer.writerow([index, *(repr(float(value)) for value in row)])
+    return file.getvalue()
+
+
+def result_json(result: Result) -> dict[str, Any]:
+    """The content of result.json. Margins in 1/s, times in s; null where there is no such figure."""
+    problem = result.problem
+    states = ("u0", *problem.vehicle.input_names)
+    return {
+        "verdict": result.verdict.value,
+        "message": result.message,
+        "method": problem.method.value,
+        "path": problem.path.name,
+        "template": result.segments[0].funnel.template.name if result.segments else None,
+        "margin": {"certified": _number(result.margin_certified), "falsified": _number(result.margin_falsified)},
+        "margin_per_metre": _number(_margin_per_metre(result)),
+        "segments": [_segment_json(segment) for segment in result.segments],
+        "inputs": {name: [box.lower, box.upper] for name, box in zip(states, problem.inputs, strict=True)},
+        "vehicle": {"name": problem.vehicle.name, **_fields(problem.vehicle)},
+        "sets": {
+            "inlet": list(problem.inlet.half_axes),
+            "goal": list(problem.goal.half_axes),
+            "safe": list(problem.safe.half_widths) if problem.safe else None,
+        },
+        "seconds": {stage: round(value, 3) for stage, value in result.seconds.items()},
+        "iterations": result.iterations,
+        "closed_loop": _closed_loop_json(result.closed_loop) if result.closed_loop else None,
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the packages that decide what comes out."""
+    found = {"python": ".".join(map(str, sys.version_info[:3]))}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _segment_json(segment: SegmentResult) -> dict[str, Any]:
+    funnel = segment.funnel
+    return {
+        "duration": float(funnel.duration),
+        "C": np.asarray(funnel.shape).tolist(),
+        "template": funnel.template.name,
+        funnel.template.rate_name: float(funnel.rate),
+        "beta": 1.0,
+        "beta_lower": float(funnel.beta_lower),
+        "margin_certified": _number(segment.margin_certified),
+        "margin_falsified": _number(segment.margin_falsified),
+    }
+
+
+def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
+    content = dataclasses.asdict(loop)
+    return content | {
+        "largest_value": _number(loop.largest_value),
+        "arrival": [_number(time) for time in loop.arrival],
+    }
+
+
+def _margin_per_metre(result: Result) -> float | None:
+    """Smallest certified λ over the largest speed of its segment, 1/m."""
+    margins = [
+        None if found.margin_certified is None else found.margin_certified / _top_speed(segment)
+        for segment, found in zip(result.problem.path.segments, result.segments, strict=False)
+    ]
+    return None if not margins or None in margins else min(m for m in margins if m is not None)
+
+
+def _top_speed(segment: Segment) -> float:
+    return float(np.max(segment.speed.polynomial(np.linspace(0.0, segment.duration, REFERENCE_ROWS))))
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _fields(instance: Any) -> dict[str, Any]:
+    return dataclasses.asdict(instance) if dataclasses.is_dataclass(instance) else {}
+
+
+def read_run(folder: Path) -> Result:
+    """The result that stands in a run folder; its problem is built from config.yaml as it was for the run.
+
+    Figures are read as written (times are rounded there); the certificate is read, not checked: that is
+    `cfjax.check`'s work.
+
+    Raises:
+        InputError: where the folder holds no complete run, or something that is not one.
+    """
+    from cfjax.conf import config_of, problem_of
+
+    folder = Path(folder)
+    data = read_json(folder / RESULT)
+    problem = problem_of(config_of(_read_text(folder / CONFIG)))
+    document = read_json(folder / CERTIFICATE) if (folder / CERTIFICATE).exists() else None
+    try:
+        loop = data["closed_loop"]
+        return Result(
+            verdict=Verdict(data["verdict"]),
+            message=data["message"],
+            problem=problem,
+            segments=tuple(_segment_of(segment) for segment in data["segments"]),
+            closed_loop=ClosedLoop(**{**loop, "arrival": tuple(loop["arrival"])}) if loop else None,
+            seconds=data["seconds"],
+            iterations=data["iterations"],
+            document=document,
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{folder / RESULT}: expected the result of a run ({type(error).__name__}: {error})"
+        ) from error
+
+
+def _segment_of(data: dict[str, Any]) -> SegmentResult:
+    template = template_named(data["template"])
+    funnel = Funnel(
+        template, np.array(data["C"], float), data[template.rate_name], data["duration"], data["beta_lower"]
+    )
+    falsified = data["margin_falsified"]
+    return SegmentResult(funnel, math.nan if falsified is None else falsified, data["margin_certified"])
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """An object from a JSON file; raises InputError with the file's name."""
+    try:
+        data = json.loads(_read_text(path))
+    except ValueError as error:
+        raise InputError(f"{path}: expected JSON ({error})") from error
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: expected a JSON object, got {type(data).__name__}")
+    return data
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error

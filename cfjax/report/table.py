@@ -1,0 +1,153 @@
+"""One table for a sweep: a row per job, printed and as CSV."""
+
+import csv
+import dataclasses
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from omegaconf import OmegaConf
+from rich.console import Console
+from rich.table import Table
+
+from cfjax.conf import Config, config_of, preset, problem_of
+from cfjax.errors import InputError
+from cfjax.report.paper_rows import agreement, paper_found
+from cfjax.report.run_folder import CONFIG, RESULT, read_json, write_whole
+from cfjax.verdict import Verdict
+
+
+TABLE = "table.csv"
+ERROR = "error.json"  # in the folder of a job that reached no verdict
+
+
+@dataclass(frozen=True)
+class Row:
+    """One job. Margins in 1/s; `verdict` is `bad input` or `crashed` where the job reached none."""
+
+    job: str
+    path: str
+    method: str
+    template: str
+    overrides: str
+    verdict: str
+    certified: float | None = None
+    falsified: float | None = None
+    seconds: float | None = None
+    paper: str = ""  # found, not found: where the job is one of the paper's rows
+    agreement: str = ""
+    message: str = ""
+    folder: str = ""
+
+    @property
+    def has_verdict(self) -> bool:
+        return self.verdict in {verdict.value for verdict in Verdict}
+
+
+def write_error(folder: Path, kind: str, message: str) -> None:
+    """Say in the job's folder why it reached no verdict: kind `bad input` or `crashed`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / ERROR, json.dumps({"kind": kind, "message": message}, indent=2).encode())
+
+
+def gather(sweep: Path) -> list[Row]:
+    """The jobs of a sweep, finished or not, in the order of their numbers."""
+    folders = [folder for folder in sweep.iterdir() if folder.is_dir() and _is_job(folder)]
+    return [_row(folder) for folder in sorted(folders, key=_job_order)]
+
+
+def write_table(rows: list[Row], sweep: Path) -> Path:
+    """Write the rows as CSV into the sweep's folder; full precision, folders relative to it."""
+    file = io.StringIO()
+    writer = csv.DictWriter(file, [field.name for field in dataclasses.fields(Row)], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(dataclasses.asdict(row) for row in rows)
+    path = sweep / TABLE
+    write_whole(path, file.getvalue().encode())
+    return path
+
+
+def print_table(rows: list[Row], stream: TextIO) -> None:
+    """The rows for people: columns that say nothing are left out."""
+    columns = [
+        field.name
+        for field in dataclasses.fields(Row)
+        if field.name not in ("folder", "message") and any(getattr(row, field.name) not in ("", None) for row in rows)
+    ]
+    table = Table(*columns, box=None, header_style="bold", pad_edge=False)
+    for row in rows:
+        table.add_row(*(_cell(getattr(row, column)) for column in columns))
+    console = Console(file=stream)
+    if not console.is_terminal:
+        console = Console(file=stream, width=200)  # in a file nothing is gained by narrow columns
+    console.print(table)
+    for row in rows:
+        if not row.has_verdict:
+            print(f"job {row.job}: {row.verdict}: {row.message}", file=stream)
+
+
+def _is_job(folder: Path) -> bool:
+    return any((folder / name).exists() for name in (".hydra", RESULT, ERROR))
+
+
+def _job_order(folder: Path) -> tuple[int, str]:
+    return (int(folder.name), "") if folder.name.isdigit() else (1 << 30, folder.name)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _row(folder: Path) -> Row:
+    overrides_file = folder / ".hydra" / "overrides.yaml"
+    overrides = " ".join(map(str, OmegaConf.load(overrides_file))) if overrides_file.exists() else ""
+    row = Row(folder.name, "", "", "", overrides, "crashed", folder=folder.name, message="the job did not end")
+    try:
+        if not (folder / RESULT).exists():
+            row = dataclasses.replace(row, **_choices(folder / ".hydra" / "config.yaml"))
+            if (folder / ERROR).exists():
+                error = read_json(folder / ERROR)
+                row = dataclasses.replace(row, verdict=str(error["kind"]), message=str(error["message"]))
+            return row
+        config = config_of((folder / CONFIG).read_text())
+        data = read_json(folder / RESULT)
+        verdict = Verdict(data["verdict"])
+        found = _paper_found(config)
+        return Row(
+            job=folder.name,
+            path=config.path.name,
+            method=config.method,
+            template=config.template,
+            overrides=overrides,
+            verdict=verdict.value,
+            certified=data["margin"]["certified"],
+            falsified=data["margin"]["falsified"],
+            seconds=data["seconds"].get("total"),
+            paper="" if found is None else "found" if found else "not found",
+            agreement=agreement(verdict, found),
+            message=data["message"],
+            folder=folder.name,
+        )
+    except (InputError, KeyError, TypeError, ValueError, OSError) as error:
+        return dataclasses.replace(row, verdict="crashed", message=f"unreadable: {error}")
+
+
+def _choices(path: Path) -> dict[str, str]:
+    """Path, method and template as far as Hydra wrote them down before the job began."""
+    if not path.exists():
+        return {}
+    data = OmegaConf.load(path)
+    keys = {"path": "path.name", "method": "method", "template": "template"}
+    return {name: str(OmegaConf.select(data, key, default="")) for name, key in keys.items()}
+
+
+def _paper_found(config: Config) -> bool | None:
+    try:
+        untouched = problem_of(preset(config.path.name))
+    except InputError:
+        return None  # a preset of the user's own
+    return paper_found(problem_of(config), untouched)

@@ -1,0 +1,72 @@
+"""Weights & Biases: logger=wandb. Offline by default, without login; whatever goes wrong there, the run stands."""
+
+import dataclasses
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from cfjax.conf import Config, one_line
+from cfjax.report.run_folder import CERTIFICATE, PICTURE, result_json
+from cfjax.result import Result
+
+
+def track(result: Result, config: Config, folder: Path) -> None:
+    """Log a finished run: configuration, margins per round, figures, picture, and the certificate as artifact."""
+    try:
+        with _staging_in(folder):
+            _log(result, config, folder)
+    except Exception as error:
+        print(f"warning: logger=wandb: {one_line(error)}; the run itself is complete", file=sys.stderr)
+
+
+def _log(result: Result, config: Config, folder: Path) -> None:
+    import wandb
+
+    options = config.wandb
+    if options.mode == "online" and not wandb.api.api_key:
+        raise RuntimeError("wandb.mode=online needs an API key (wandb login); wandb.mode=offline does not")
+    run = wandb.init(
+        project=options.project,
+        entity=options.entity,
+        name=options.name,
+        group=options.group,
+        tags=options.tags,
+        mode=options.mode,  # pyright: ignore[reportArgumentType]
+        dir=str(folder),
+        config=dataclasses.asdict(config),
+        settings=wandb.Settings(console="off", silent=True),
+    )
+    finished = False
+    try:
+        for step, figures in enumerate(result.history):
+            run.log(figures, step=step)
+        summary = result_json(result)
+        run.summary.update({key: summary[key] for key in ("verdict", "message", "margin", "seconds", "iterations")})
+        if summary["closed_loop"]:
+            run.summary.update({"closed_loop": summary["closed_loop"]})
+        if (folder / PICTURE).exists():
+            run.log({"funnel": wandb.Image(str(folder / PICTURE))}, step=len(result.history))
+        if (folder / CERTIFICATE).exists():
+            artifact = wandb.Artifact(f"certificate-{result.problem.path.name}", type="certificate")
+            artifact.add_file(str(folder / CERTIFICATE))
+            run.log_artifact(artifact)
+        finished = True
+    finally:
+        run.finish(exit_code=0 if finished else 1)
+        with suppress(Exception):
+            wandb.teardown()
+
+
+@contextmanager
+def _staging_in(folder: Path) -> Iterator[None]:
+    """Keep artifacts in the run folder while they are staged, not in the user's home; a user's own choice stands."""
+    places = {"WANDB_DATA_DIR": folder / "wandb" / "data", "WANDB_CACHE_DIR": folder / "wandb" / "cache"}
+    ours = {name: str(place) for name, place in places.items() if name not in os.environ}
+    os.environ.update(ours)
+    try:
+        yield
+    finally:
+        for name in ours:
+            os.environ.pop(name, None)

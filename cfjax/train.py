@@ -1,0 +1,235 @@
+"""The main command: look for a certified funnel and write a run folder.
+
+    python -m cfjax.train +path=circle [group=choice] [key=value …]
+
+Exit code: 0 certified; 1 not certified, the verdict says which; 2 bad configuration or input, one line on stderr;
+130 interrupted. A sweep (-m) ends with 0 when every job ran to a verdict, 1 when one crashed, 2 when the input of one
+was bad. The last line printed is `run: FOLDER`.
+
+Nothing heavy is imported before `main` has set up the environment: JAX reads its flags once.
+"""
+
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from hydra.experimental.callback import Callback
+
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+    from cfjax.conf import Config
+    from cfjax.problem import Problem
+    from cfjax.result import Result
+    from cfjax.synthesis import Options
+
+CERTIFIED, NOT_CERTIFIED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+class Refusal(BaseException):
+    """Bad input, seen before anything was written. Not an Exception: Hydra swallows those of callbacks."""
+
+
+class Checks(Callback):
+    """Builds the problem before Hydra makes a folder, and remembers where a sweep writes."""
+
+    composed: ClassVar[bool] = False  # whatever goes wrong before that is the configuration's fault
+    sweep: ClassVar[Path | None] = None
+
+    def on_run_start(self, config: "DictConfig", **_: Any) -> None:
+        from cfjax.errors import InputError
+        from cfjax.report.run_folder import refuse_finished
+
+        Checks.composed = True
+        try:
+            _question(config)
+            refuse_finished(Path(config.hydra.run.dir))
+        except InputError as error:
+            raise Refusal(str(error)) from error
+
+    def on_multirun_start(self, config: "DictConfig", **_: Any) -> None:
+        Checks.composed = True
+        Checks.sweep = Path(config.hydra.sweep.dir)
+
+
+def main() -> int:
+    """Entry point; the arguments are those of the command line."""
+    prepare_environment()
+    try:
+        return _main()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def prepare_environment() -> None:
+    """Flags that JAX and Hydra read from the environment; what the user has set stands. Workers of a sweep inherit them."""
+    import platformdirs
+
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # hands errors on to `_main` instead of printing them over many lines
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")  # small double-precision problems; silences the search for others
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(platformdirs.user_cache_path("cfjax") / "jax"))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+
+
+def _main() -> int:
+    import hydra
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    from cfjax.conf import one_line
+    from cfjax.errors import InputError
+
+    results: list[Result] = []
+
+    @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
+    def job(node: "DictConfig") -> None:
+        if (result := run_job(node)) is not None:
+            results.append(result)
+
+    Checks.composed, Checks.sweep = False, None
+    try:
+        job()
+    except (Refusal, InputError) as error:
+        return _refuse(str(error))
+    except (HydraException, OmegaConfBaseException) as error:
+        return _refuse(_say(error, one_line))
+    except Exception as error:
+        if not Checks.composed:
+            return _refuse(_say(error, one_line))
+        if Checks.sweep is None:
+            raise
+        traceback.print_exc()  # a launcher that broke down: what the jobs left is still told
+        _finish_sweep(Checks.sweep)
+        return NOT_CERTIFIED
+    if Checks.sweep is not None:
+        return _finish_sweep(Checks.sweep)
+    if not results:  # --help, --cfg and the like
+        return 0
+    return CERTIFIED if results[0].verdict.value == "certified" else NOT_CERTIFIED
+
+
+def run_job(node: "DictConfig") -> "Result | None":
+    """One job in the folder that Hydra made for it. In a sweep an error is written there and does not stop the others."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
+    import cfjax.conf
+    from cfjax.errors import InputError
+    from cfjax.report.table import write_error
+
+    context = HydraConfig.get()
+    folder = Path(context.runtime.output_dir)
+    try:
+        return run(*_question(node), folder)
+    except Exception as error:
+        if context.mode != RunMode.MULTIRUN:
+            raise
+        bad_input = isinstance(error, InputError)
+        if not bad_input:
+            traceback.print_exc()
+        message = cfjax.conf.one_line(error)
+        print(f"job {folder.name}: {message}", file=sys.stderr)
+        write_error(folder, "bad input" if bad_input else "crashed", message)
+        return None
+
+
+def run(config: "Config", problem: "Problem", options: "Options", folder: Path) -> "Result":
+    """Synthesise, write the run folder, log, and say what came out."""
+    from cfjax.conf import yaml_of
+    from cfjax.report.progress import progress_on
+    from cfjax.report.run_folder import refuse_finished, write_run
+    from cfjax.report.tracking import track
+    from cfjax.synthesis import synthesize
+
+    refuse_finished(folder)
+    with progress_on() as progress:
+        result = synthesize(problem, options, progress)
+    result = write_run(result, folder, yaml_of(config), lambda path: _draw(result, path))
+    if config.logger == "wandb":
+        track(result, config, folder)
+    print(summary(result))
+    print(f"run: {folder}", flush=True)
+    return result
+
+
+def summary(result: "Result") -> str:
+    """A few lines for people."""
+    problem, loop = result.problem, result.closed_loop
+    lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}: {result.message}"]
+    if result.margin_falsified is not None:
+        proven = "nothing proven" if (margin := result.margin_certified) is None else f"{margin:.4g} 1/s proven"
+        lines.append(f"margin: {proven}; the falsifier found no less than {result.margin_falsified:.4g} 1/s")
+    if loop is not None:
+        lines.append(
+            f"{loop.cars} cars: {loop.left_funnel} left the funnel, {loop.left_safe} left S, {loop.missed_goal} missed "
+            f"G; largest V {loop.largest_value:.4g}, arrival after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s"
+        )
+    lines.append("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items()))
+    return "\n".join(lines)
+
+
+def _question(node: "DictConfig") -> "tuple[Config, Problem, Options]":
+    """Typed configuration, problem and options; raises InputError where one of them cannot be."""
+    from omegaconf import open_dict
+
+    from cfjax.conf import options_of, problem_of, typed
+
+    node = node.copy()
+    with open_dict(node):
+        node.pop("hydra", None)
+    config = typed(node)
+    return config, problem_of(config), options_of(config)
+
+
+def _draw(result: "Result", path: Path) -> None:
+    from cfjax.report.plot import save_picture
+    from cfjax.simulation import record_cars
+
+    rollouts = [
+        record_cars(result.problem, segment, found.funnel, found.margin_certified or 0.0, cars=24)
+        for segment, found in zip(result.problem.path.segments, result.segments, strict=False)
+    ]
+    save_picture(result, rollouts, path)
+
+
+def _finish_sweep(sweep: Path) -> int:
+    from cfjax.report.table import gather, print_table, write_table
+
+    if not sweep.is_dir():
+        return NOT_CERTIFIED
+    rows = gather(sweep)
+    path = write_table(rows, sweep)
+    print_table(rows, sys.stdout)
+    print(f"table: {path.resolve()}")
+    print(f"sweep: {sweep.resolve()}", flush=True)
+    if all(row.has_verdict for row in rows):
+        return 0
+    return BAD_INPUT if all(row.has_verdict or row.verdict == "bad input" for row in rows) else NOT_CERTIFIED
+
+
+def _refuse(message: str) -> int:
+    print(f"error: {message}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _say(error: Exception, one_line: Any) -> str:
+    """Hydra's errors in one line: what was expected and what was given."""
+    options, wanted = getattr(error, "options", None), getattr(error, "missing_cfg_file", None)
+    if options is not None and wanted:
+        group, _, choice = str(wanted).rpartition("/")
+        return f"{group}: expected one of {', '.join(options)}, got {choice}"
+    cause = error.__cause__
+    return one_line(cause) if getattr(cause, "full_key", None) else one_line(error)
+
+
+if __name__ == "__main__":
+    # under its own name, so that the workers of a sweep can import it
+    from cfjax.train import main as entry_point
+
+    sys.exit(entry_point())
