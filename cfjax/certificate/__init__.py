@@ -1,0 +1,7 @@
+"""From a candidate to a certificate: sums of squares as the oracle, exact arithmetic as the judge."""
+
+from cfjax.certificate.certifier import Certification, certify
+from cfjax.certificate.writing import dump
+
+
+__all__ = ["Certification", "certify", "dump"]

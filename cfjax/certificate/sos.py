@@ -7,9 +7,8 @@ Find the largest λ and positive semidefinite Q with
 in CVXPY with Clarabel. What comes back is a hint for the exact half (`cfjax.check.decrease`), never a proof.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from itertools import product
 
 import cvxpy as cp
 import numpy as np
@@ -17,15 +16,7 @@ import scipy.sparse as sp
 from flint import fmpq_mpoly
 from jaxtyping import Float
 
-
-Exponents = tuple[int, ...]
-
-
-@cache
-def monomials(variables: int, degree: int) -> tuple[Exponents, ...]:
-    """Exponents of all monomials up to the degree, by degree."""
-    every = (e for e in product(range(degree + 1), repeat=variables) if sum(e) <= degree)
-    return tuple(sorted(every, key=lambda e: (sum(e), tuple(-k for k in e))))
+from cfjax.check.decrease import Exponents, monomials
 
 
 @dataclass(frozen=True)
@@ -41,7 +32,7 @@ class SosSolution:
 def coefficients(polynomial: fmpq_mpoly) -> dict[Exponents, float]:
     """Floating-point coefficients by exponents."""
     return {
-        tuple(int(k) for k in e): float(int(c.p)) / float(int(c.q)) if abs(c.q) < 2**900 else float(c)
+        tuple(int(k) for k in e): int(c.p) / int(c.q)  # of whole numbers: correctly rounded however long
         for e, c in polynomial.to_dict().items()
     }
 
@@ -64,13 +55,11 @@ def product_matrix(
 def solve(
     target: fmpq_mpoly,
     drop: fmpq_mpoly,
-    constraints: list[fmpq_mpoly],
-    bases: list[tuple[Exponents, ...]],
-    variables: int,
-    degree: int,
-    **solver_options: float,
+    constraints: Sequence[fmpq_mpoly],
+    bases: Sequence[tuple[Exponents, ...]],
 ) -> SosSolution:
     """Maximise λ. `bases[0]` belongs to the free square z₀, the others to the constraints in order."""
+    variables, degree = len(bases[0][0]), 2 * max(map(sum, bases[0]))
     rows = {e: k for k, e in enumerate(monomials(variables, degree))}
     goal, fall = np.zeros(len(rows)), np.zeros(len(rows))
     for vector, polynomial in ((goal, target), (fall, drop)):
@@ -90,7 +79,7 @@ def solve(
         total = total + product_matrix(factor, basis, rows) @ cp.vec(gram, order="F")
     problem = cp.Problem(cp.Maximize(margin), [total == goal / scale])
     try:
-        problem.solve(solver=cp.CLARABEL, **solver_options)
+        problem.solve(solver=cp.CLARABEL)
     except cp.SolverError as error:
         return SosSolution(f"error: {error}", float("nan"), None, 0.0)
     seconds = float(problem.solver_stats.solve_time or 0.0) if problem.solver_stats else 0.0

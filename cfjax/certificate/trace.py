@@ -18,7 +18,7 @@ from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
 
 PROFILE_INPUTS = ReferencePoint._fields
 BINARY = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
-UNARY = {"neg": "neg", "sin": "sin", "cos": "cos"}
+UNARY = {"neg": "neg", "sin": "sin", "cos": "cos", "tan": "tan"}
 TRANSPARENT = ("convert_element_type", "copy", "stop_gradient")
 NESTED = ("pjit", "jit", "closed_call", "custom_jvp_call", "custom_vjp_call")
 
@@ -59,7 +59,18 @@ class _Builder:
     def constant(self, value: Any) -> int:
         if np.ndim(value):
             raise InputError(f"vehicle {self.vehicle}: expected functions of scalars, got a constant array")
+        if not np.isfinite(value):
+            raise InputError(f"vehicle {self.vehicle}: expected finite constants, got {value}")
         return self.add(Node("constant", value=rational(float(value))))
+
+    def inverse(self, node: int) -> int:
+        """1/node: a rational where the node is a constant, else the function `inv`, enclosed away from its pole."""
+        value = self.nodes[node].value
+        if value is None:
+            return self.add(Node("inv", (node,)))
+        if not value:
+            raise InputError(f"vehicle {self.vehicle}: division by zero")
+        return self.add(Node("constant", value=1 / value))
 
     def run(self, jaxpr: core.Jaxpr, consts: list, arguments: list[int]) -> list[int]:
         where: dict[Any, int] = dict(zip(jaxpr.invars, arguments, strict=True))
@@ -81,18 +92,18 @@ class _Builder:
             return [self.add(Node(UNARY[name], tuple(args)))]
         if name in TRANSPARENT:
             return args
-        if name == "div" and self.nodes[args[1]].op == "constant" and self.nodes[args[1]].value:
-            inverse = self.add(Node("constant", value=1 / self.nodes[args[1]].value))
-            return [self.add(Node("mul", (args[0], inverse)))]
-        if name == "integer_pow" and equation.params["y"] > 0:
+        if name == "div":
+            return [self.add(Node("mul", (args[0], self.inverse(args[1]))))]
+        if name == "square" or (name == "integer_pow" and equation.params["y"]):
+            exponent = 2 if name == "square" else equation.params["y"]
             power = args[0]
-            for _ in range(equation.params["y"] - 1):
+            for _ in range(abs(exponent) - 1):
                 power = self.add(Node("mul", (power, args[0])))
-            return [power]
+            return [power if exponent > 0 else self.inverse(power)]
         if name in NESTED:
             inner = equation.params.get("jaxpr") or equation.params["call_jaxpr"]
             return self.run(inner.jaxpr, inner.consts, args)
         raise InputError(
             f"vehicle {self.vehicle}: no exact arithmetic for the operation {name!r}; "
-            f"known are {', '.join(sorted({*BINARY, *UNARY, 'integer_pow', 'div by a constant'}))}"
+            f"known are {', '.join(sorted({*BINARY, *UNARY, 'integer_pow', 'square', 'div'}))}"
         )

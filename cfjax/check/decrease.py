@@ -15,7 +15,7 @@ where |F_u − p_u| ≤ ε is the enclosure of sin and cos, every Q is positive 
 a polynomial whose size on the ball is bounded and paid for out of λ.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -28,6 +28,8 @@ from cfjax.check.rational import exp_bounds, is_positive_definite
 
 
 Matrix = Sequence[Sequence[fmpq]]
+Exponents = tuple[int, ...]
+ApplyFunction = Callable[[int, str, Enclosure], Enclosure]
 RADIUS_SLACK = fmpq(1, 1024)  # the ball in y is this much larger than the funnel: W is only nearly C^{−1/2}
 
 
@@ -100,7 +102,7 @@ class SteadyDecrease:
     """Condition (d) on one steady segment; everything is rational.
 
     `profile` gives the reference's constants by the graph's input names, `inputs` the box by input name (u0 first),
-    `enclosures` one proven `UnaryEnclosure` per sin or cos node of the graph.
+    `enclosures` one `UnaryEnclosure` per node of the graph that applies a function.
     """
 
     graph: Graph
@@ -111,10 +113,16 @@ class SteadyDecrease:
     whitening: Matrix  # W
     pieces: tuple[LevelPiece, ...]
     enclosures: Mapping[int, UnaryEnclosure]
+    degrees: tuple[int, ...]  # of the monomials in the Gram matrices, in their order
 
     @cached_property
     def ring(self) -> fmpq_mpoly_ctx:
         return fmpq_mpoly_ctx.get([f"y{k}" for k in range(len(self.states))], "degrevlex")
+
+    @cached_property
+    def bases(self) -> tuple[tuple[Exponents, ...], ...]:
+        """Exponents of the monomials z of each Gram matrix."""
+        return tuple(monomials(len(self.states), degree) for degree in self.degrees)
 
     @cached_property
     def deviations(self) -> list[fmpq_mpoly]:
@@ -156,30 +164,16 @@ class SteadyDecrease:
             raise ValueError("the whitening is not close enough to C^{-1/2}, or C is not positive definite")
         return Domain(self.ring, radius_squared)
 
-    def argument_ranges(self) -> dict[int, fmpq]:
-        """How far the argument of each sin or cos node reaches, for arguments without a remainder of their own."""
-        reach: dict[int, fmpq] = {}
-
-        def note(node: int, function: str, argument: Enclosure) -> Enclosure:
-            reach[node] = argument.magnitude()
-            return self.domain.constant(fmpq(0))
-
-        rest = {name: fmpq(0) for name in self.inputs}
-        self._rates(rest, note)
-        return reach
-
-    def _rates(self, inputs: Mapping[str, fmpq], function) -> list[Enclosure]:  # noqa: ANN001
+    def rates(self, inputs: Mapping[str, fmpq], function: ApplyFunction) -> list[Enclosure]:
+        """The deviation's rate ẋ at constant inputs; `function(node, name, argument)` encloses a function's value."""
         values = {name: self.domain.exact(x) for name, x in zip(self.states, self.deviations, strict=True)}
         values |= {f"reference:{name}": self.domain.constant(value) for name, value in self.profile.items()}
-        values |= {
-            name: self.domain.constant(value)
-            for name, value in ((f"input:{name}", value) for name, value in inputs.items())
-        }
+        values |= {f"input:{name}": self.domain.constant(value) for name, value in inputs.items()}
         return self.graph.evaluate(values, self.domain.constant, function)
 
     def form_rate(self, inputs: Mapping[str, fmpq]) -> Enclosure:
         """q̇ = ∇q · f(x, u) at constant inputs."""
-        rates = self._rates(inputs, lambda node, _, argument: argument.apply(self.enclosures[node]))
+        rates = self.rates(inputs, lambda node, _, argument: argument.apply(self.enclosures[node]))
         total = self.domain.constant(fmpq(0))
         for gradient, rate in zip(self.covector, rates, strict=True):
             total = total + self.domain.exact(gradient) * rate
@@ -234,29 +228,38 @@ class SteadyDecrease:
             found.append(sign * slope)
         return [*found, self.form - piece.lower, piece.upper - self.form]
 
-    def proven_margin(self, proof: CellProof, bases: Sequence[Sequence[tuple[int, ...]]]) -> fmpq:
+    def proven_margin(self, proof: CellProof) -> fmpq:
         """The λ that the proof shows on its cell: its margin less what the leftover r costs.
 
-        `bases` lists the exponents of the monomials of z₀ and of z for each constraint.
+        On the cell the identity gives F_u ≥ margin · drop − |r|, and |r| ≤ bound ≤ (bound / least drop) · drop.
 
         Raises:
             ValueError: names what is not as it has to be.
         """
         cell, piece = proof.cell, self.pieces[proof.cell.piece]
-        if any(not lower <= u <= upper for u, (lower, upper) in zip(cell.vertex, self.inputs.values(), strict=True)):
-            raise ValueError("an input lies outside its limits")
         left = self.target(cell) - proof.margin * self.drop(piece)
         factors = [self.ring.constant(1), *self.constraints(cell)]
-        for factor, gram, basis in zip(factors, proof.grams, bases, strict=True):
-            if len(gram) != len(basis) or not is_positive_definite(gram):
-                raise ValueError("a Gram matrix is not positive definite")
-            left -= factor * quadratic_form(self.ring, gram, basis)
+        if len(proof.grams) != len(factors) or len(self.degrees) != len(factors):
+            raise ValueError(f"expected {len(factors)} Gram matrices, got {len(proof.grams)}")
+        for index, (factor, gram, basis) in enumerate(zip(factors, proof.grams, self.bases, strict=True)):
+            if len(gram) != len(basis):
+                raise ValueError(f"Gram matrix {index} has {len(gram)} rows, expected {len(basis)}")
+            self.domain.budget.spend(len(basis) ** 3)
+            if not is_positive_definite(gram):
+                raise ValueError(f"Gram matrix {index} is not positive definite")
+            left -= self.domain.product(factor, quadratic_form(self.ring, gram, basis))
         return proof.margin - self.domain.bound(left) / piece.least_drop
 
 
-def quadratic_form(ring: fmpq_mpoly_ctx, gram: Matrix, basis: Sequence[tuple[int, ...]]) -> fmpq_mpoly:
+def monomials(variables: int, degree: int) -> tuple[Exponents, ...]:
+    """Exponents of all monomials up to the degree: by degree, then descending in the first variable, and so on."""
+    every = (e for e in product(range(degree + 1), repeat=variables) if sum(e) <= degree)
+    return tuple(sorted(every, key=lambda e: (sum(e), tuple(-k for k in e))))
+
+
+def quadratic_form(ring: fmpq_mpoly_ctx, gram: Matrix, basis: Sequence[Exponents]) -> fmpq_mpoly:
     """zᵀ Q z for the monomials z with the exponents in `basis`."""
-    terms: dict[tuple[int, ...], fmpq] = {}
+    terms: dict[Exponents, fmpq] = {}
     for i, first in enumerate(basis):
         for j in range(i + 1):
             exponents = tuple(a + b for a, b in zip(first, basis[j], strict=True))

@@ -18,7 +18,8 @@ ARITHMETIC: dict[str, Callable[..., Any]] = {
     "mul": lambda a, b: a * b,
     "neg": lambda a: -a,
 }
-UNARY_FUNCTIONS = ("sin", "cos")
+UNARY_FUNCTIONS = ("sin", "cos", "tan", "inv")  # inv(t) = 1/t
+ARITY = {"input": 0, "constant": 0, "add": 2, "sub": 2, "mul": 2, "neg": 1} | dict.fromkeys(UNARY_FUNCTIONS, 1)
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,14 @@ class Node:
     args: tuple[int, ...] = ()
     value: fmpq | None = None
     name: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.op not in ARITY:
+            raise ValueError(f"unknown operation {self.op!r}; known are {', '.join(ARITY)}")
+        if len(self.args) != ARITY[self.op]:
+            raise ValueError(f"operation {self.op!r} takes {ARITY[self.op]} arguments, got {len(self.args)}")
+        if (self.value is not None) != (self.op == "constant") or (self.name is not None) != (self.op == "input"):
+            raise ValueError(f"operation {self.op!r}: a constant has a value, an input a name, others neither")
 
 
 @dataclass(frozen=True)
@@ -53,23 +62,28 @@ class Graph:
     ) -> list[Any]:
         """Values of the outputs in the arithmetic of `inputs`.
 
-        `constant` lifts a rational into that arithmetic; `function(node, name, argument)` applies sin or cos.
+        `constant` lifts a rational into that arithmetic; `function(node, name, argument)` applies one of
+        `UNARY_FUNCTIONS`.
         """
         values: list[Any] = []
         for index, node in enumerate(self.nodes):
             arguments = [values[arg] for arg in node.args]
-            if node.op == "input":
-                values.append(inputs[str(node.name)])
-            elif node.op == "constant":
+            if node.name is not None:
+                if node.name not in inputs:
+                    raise ValueError(f"the graph reads {node.name!r}, which is neither state, input nor reference")
+                values.append(inputs[node.name])
+            elif node.value is not None:
                 values.append(constant(node.value))
-            elif node.op in UNARY_FUNCTIONS:
-                values.append(function(index, node.op, *arguments))
             elif node.op in ARITHMETIC:
                 values.append(ARITHMETIC[node.op](*arguments))
             else:
-                raise ValueError(f"unknown operation {node.op!r} at node {index}")
+                values.append(function(index, node.op, *arguments))
         return [values[output] for output in self.outputs]
+
+    def functions(self) -> dict[int, str]:
+        """The nodes that apply one of `UNARY_FUNCTIONS`, with its name."""
+        return {index: node.op for index, node in enumerate(self.nodes) if node.op in UNARY_FUNCTIONS}
 
     def inputs(self) -> Sequence[str]:
         """Names of the inputs, in order of appearance."""
-        return [str(node.name) for node in self.nodes if node.op == "input"]
+        return [node.name for node in self.nodes if node.name is not None]

@@ -1,11 +1,13 @@
 """Exact numbers: rationals, rational bounds of real constants, and definiteness of rational matrices."""
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
 from flint import arb, ctx, fmpq, fmpq_mat
 
 
+LARGEST_EXPONENT = 64
 PRECISION_BITS = 128  # of the arb balls that bound π, exponentials and square roots
 
 ctx.prec = PRECISION_BITS
@@ -43,9 +45,48 @@ def sqrt_upper(value: fmpq) -> fmpq:
 
 
 def exp_bounds(value: fmpq) -> tuple[fmpq, fmpq]:
-    """Rationals below and above e^value."""
+    """Rationals below and above e^value, for |value| ≤ 64: a funnel that shrinks by more than e^64 is refused."""
+    if abs(value) > LARGEST_EXPONENT:
+        raise ValueError(f"expected an exponent of at most {LARGEST_EXPONENT} in absolute value")
     ball = arb(value).exp()
     return lower_bound(ball), upper_bound(ball)
+
+
+def pi_lower() -> fmpq:
+    """A rational that is at most π, and by less than 1e-30."""
+    return lower_bound(arb.pi())
+
+
+def pi_upper() -> fmpq:
+    """A rational that is at least π, and by less than 1e-30."""
+    return upper_bound(arb.pi())
+
+
+def bits(value: fmpq) -> int:
+    """How long a rational is: bits of the longer one of numerator and denominator."""
+    return max(int(value.p).bit_length(), int(value.q).bit_length())
+
+
+def decimal_down(value: fmpq, digits: int = 6) -> str:
+    """The decimal with that many significant digits that is at most the (positive) rational."""
+    exact = Fraction(int(value.p), int(value.q))
+    if exact <= 0:
+        raise ValueError(f"expected a positive number, got {value}")
+    places = digits - 1
+    while exact * 10**places >= 10**digits and places > 0:
+        places -= 1
+    while exact * 10**places < 10 ** (digits - 1):
+        places += 1
+    whole = exact.numerator * 10**places // exact.denominator
+    text = str(whole).rjust(places + 1, "0")
+    return f"{text[:-places]}.{text[-places:]}" if places else text
+
+
+def float_below(value: fmpq) -> float:
+    """The largest floating-point number that is at most the rational."""
+    exact = Fraction(int(value.p), int(value.q))
+    nearest = float(exact)
+    return math.nextafter(nearest, -math.inf) if Fraction(nearest) > exact else nearest
 
 
 def is_positive_definite(matrix: Sequence[Sequence[fmpq]]) -> bool:

@@ -1,0 +1,297 @@
+"""The certifier: a numerical proof of condition (d) made exact, cell by cell, and put into a document.
+
+Every cell of the shell (`cfjax.check.decrease`) is one semidefinite program. Its solution is a hint: padded, rounded to
+short rationals and replayed in exact arithmetic, which alone decides what margin it proves. What the solver calls its
+answer matters only for what is tried: a rounded solution that the exact replay accepts is a proof whoever made it.
+"""
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from cfjax.certificate.fit import enclose
+from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
+from cfjax.certificate.sos import SosSolution, solve
+from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.writing import Gram, dump, seal, write_funnel, write_problem, write_steady_proof
+from cfjax.check import Outcome, check_document
+from cfjax.check.containment import broken_containments
+from cfjax.check.decrease import Cell, CellProof, Matrix, SteadyDecrease, steady_pieces
+from cfjax.check.document import SegmentClaim, unpack_triangle
+from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.graph import Graph
+from cfjax.check.rational import float_below, rational
+from cfjax.errors import InputError
+from cfjax.funnel import Funnel
+from cfjax.problem import Problem, Segment
+from cfjax.verdict import Verdict
+
+
+PADDINGS = (1e-7, 1e-6, 1e-5, 1e-4)  # of the largest Gram entry; tried in this order until the proof holds
+MARGIN_BITS = 40  # of the margin that the document claims: rounded down
+USABLE = ("optimal",)
+HINT_ONLY = ("optimal_inaccurate",)  # Clarabel's AlmostSolved: no solution, but the exact replay may like it
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Certification:
+    """Verdict and message (one line); what was certified, with margins λ in 1/s per segment and times in s.
+
+    CERTIFIED means that the exact checker accepted the document. Whoever writes it to disk has the file checked again
+    (`cfjax.check.check_file`) before saying so to anybody.
+    """
+
+    verdict: Verdict
+    message: str
+    funnels: tuple[Funnel, ...] = ()  # as rounded: these, not those given, are what the document is about
+    document: dict[str, Any] | None = None
+    margins: tuple[float, ...] | None = None  # not above the exact rationals in the document
+    numerical_margins: tuple[float, ...] = ()  # optimum of the sums-of-squares programs
+    seconds: dict[str, float] = field(default_factory=dict)  # sos, exact
+
+
+class _NotProven(Exception):
+    """Ends a certification with a verdict."""
+
+    def __init__(self, verdict: Verdict, message: str, numerical: float = math.nan) -> None:
+        super().__init__(message)
+        self.verdict = verdict
+        self.numerical = numerical
+
+
+def certify(
+    problem: Problem, funnels: Sequence[Funnel], *, progress: Progress | None = None, workers: int = 1
+) -> Certification:
+    """Prove conditions (a)–(d) for the rounded funnels, one per segment, with the largest margin λ that can be shown.
+
+    `progress(stage, done, of)` hears of every cell; `workers` threads solve cells side by side.
+
+    Raises:
+        InputError: the question has no proof of this kind: a segment that is not steady, a chain, a vehicle with an
+            operation that has no exact arithmetic.
+    """
+    segments = problem.path.segments
+    if len(funnels) != len(segments):
+        raise InputError(f"certify: expected {len(segments)} funnels, one per segment, got {len(funnels)}")
+    if len(segments) > 1:
+        raise InputError(f"certify: expected one segment, got {len(segments)}; no proof links chains of segments yet")
+    for index, segment in enumerate(segments):
+        if not segment.is_steady:
+            raise InputError(
+                f"certify: expected segments of constant turning rate and speed, segment {index} changes along theta"
+            )
+    graph = trace_deviation(problem.vehicle)
+    clock = {"sos": 0.0, "exact": 0.0}
+    rounded = [_RoundedFunnel.of(funnel, segment) for funnel, segment in zip(funnels, segments, strict=True)]
+    found: list[_SegmentProof] = []
+    try:
+        for funnel, segment in zip(rounded, segments, strict=True):
+            found.append(_certify_segment(problem, segment, funnel, graph, progress, workers, clock))
+    except _NotProven as failure:
+        return Certification(
+            failure.verdict,
+            str(failure),
+            funnels=tuple(funnel.funnel for funnel in rounded),
+            numerical_margins=() if math.isnan(failure.numerical) else (failure.numerical,),
+            seconds=clock,
+        )
+    started = time.perf_counter()
+    document = seal(
+        "funnel",
+        write_problem(problem, graph),
+        [funnel.write(proof.margin) for funnel, proof in zip(rounded, found, strict=True)],
+        [proof.hints for proof in found],
+    )
+    # what is replayed is what the file will say: through its text, not through the objects that made it
+    report = check_document(json.loads(dump(document)))
+    clock["exact"] += time.perf_counter() - started
+    proven = report.outcome is Outcome.PROVEN
+    return Certification(
+        Verdict.CERTIFIED if proven else Verdict.INCONCLUSIVE,
+        report.message if proven else f"the checker does not accept the certificate: {report.message}",
+        funnels=tuple(funnel.funnel for funnel in rounded),
+        document=document if proven else None,
+        margins=tuple(float_below(proof.margin) for proof in found) if proven else None,
+        numerical_margins=tuple(proof.numerical for proof in found),
+        seconds=clock,
+    )
+
+
+@dataclass(frozen=True)
+class _RoundedFunnel:
+    """A funnel whose numbers are short rationals and floating-point numbers at once."""
+
+    funnel: Funnel
+    shape: Matrix
+    rate: fmpq
+    beta_lower: fmpq
+    duration: fmpq
+
+    @classmethod
+    def of(cls, funnel: Funnel, segment: Segment) -> "_RoundedFunnel":
+        shape, rate = round_shape(funnel.shape), round_rate(funnel.rate)
+        same = replace(
+            funnel,
+            shape=np.array([[float(entry) for entry in row] for row in shape]),
+            rate=float(rate),
+            duration=segment.duration,
+        )
+        return cls(same, shape, rate, rational(float(funnel.beta_lower)), rational(float(segment.duration)))
+
+    def write(self, margin: fmpq) -> dict[str, Any]:
+        return write_funnel(self.funnel.template.name, self.shape, self.rate, self.beta_lower, margin)
+
+
+@dataclass(frozen=True)
+class _SegmentProof:
+    margin: fmpq
+    numerical: float
+    hints: dict[str, Any]
+
+
+def steady_decrease(problem: Problem, segment: Segment, rounded: _RoundedFunnel, graph: Graph) -> SteadyDecrease:
+    """What has to be shown for (d) on a steady segment, with proven enclosures on the funnel's range.
+
+    Raises:
+        ValueError: where the question cannot be put: the shell reaches the reference, a pole lies in the funnel.
+    """
+    point = segment.point(0.0)
+    names = ("u0", *problem.vehicle.input_names)
+    box = {
+        name: (rational(float(limits.lower)), rational(float(limits.upper)))
+        for name, limits in zip(names, problem.inputs, strict=True)
+    }
+    claim = SegmentClaim(rounded.duration, rational(float(point.turn_rate)), rational(float(point.speed)))
+    pieces = steady_pieces(rounded.funnel.template.name, rounded.rate, rounded.duration, rounded.beta_lower)
+    question = SteadyDecrease(
+        graph=graph,
+        states=problem.vehicle.state_names,
+        profile=claim.profile,
+        inputs=box,
+        shape=rounded.shape,
+        whitening=round_whitening(rounded.funnel.shape),
+        pieces=tuple(pieces),
+        enclosures={},
+        degrees=(),
+    )
+    enclosures: dict[int, UnaryEnclosure] = {}
+
+    def fit_here(node: int, function: str, argument: Enclosure) -> Enclosure:
+        enclosures[node] = enclose(function, argument)
+        return argument.apply(enclosures[node])
+
+    question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
+    question = replace(question, enclosures=enclosures)
+    first = next(question.cells())
+    order = -(-int(question.target(first).total_degree()) // 2)
+    constraints = question.constraints(first)
+    return replace(question, degrees=(order, *(max(0, (2 * order - int(g.total_degree())) // 2) for g in constraints)))
+
+
+def _certify_segment(
+    problem: Problem,
+    segment: Segment,
+    rounded: _RoundedFunnel,
+    graph: Graph,
+    progress: Progress | None,
+    workers: int,
+    clock: dict[str, float],
+) -> _SegmentProof:
+    started = time.perf_counter()
+    try:
+        broken = _broken_containments(problem, rounded)
+        if broken:
+            raise _NotProven(Verdict.INCONCLUSIVE, f"not proven: {'; '.join(broken)}")
+        decrease = steady_decrease(problem, segment, rounded, graph)
+    except ValueError as error:
+        raise _NotProven(Verdict.INCONCLUSIVE, f"not proven: {error}") from None
+    cells = list(decrease.cells())
+    clock["exact"] += time.perf_counter() - started
+
+    written, margins, numerical = [], [], []
+    for done, (cell, solution) in enumerate(_solutions(decrease, cells, workers)):
+        clock["sos"] += solution.seconds
+        numerical.append(solution.margin)
+        if solution.grams is None:
+            raise _NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {_named(cell)}: {solution.status}")
+        started = time.perf_counter()
+        proof, grams, proven = _exact_proof(decrease, cell, solution)
+        clock["exact"] += time.perf_counter() - started
+        if proof is None or not proven > 0:
+            verdict = Verdict.INCONCLUSIVE if solution.status in USABLE else Verdict.SOLVER_FAILED
+            shown = f"only {float(proven):.6g} is proven" if proof else "its rounding is not proven"
+            raise _NotProven(
+                verdict,
+                f"condition (d), {_named(cell)}: margin {solution.margin:.6g} ({solution.status}), {shown}",
+                min(numerical),
+            )
+        written.append((cell.piece, cell.signs, proof.margin, grams))
+        margins.append(proven)
+        if progress:
+            progress("certify", done + 1, len(cells))
+    margin = fmpq(math.floor(min(margins) * 2**MARGIN_BITS), 2**MARGIN_BITS)
+    if not margin > 0:
+        raise _NotProven(Verdict.INCONCLUSIVE, f"condition (d): margin {float(min(margins)):.3g} is too small to state")
+    return _SegmentProof(margin, min(numerical), write_steady_proof(decrease, written))
+
+
+def _broken_containments(problem: Problem, rounded: _RoundedFunnel) -> list[str]:
+    def exact(values: Sequence[float]) -> list[fmpq]:
+        return [rational(float(value)) for value in values]
+
+    return broken_containments(
+        problem.vehicle.state_names,
+        rounded.shape,
+        rounded.funnel.template.name,
+        rounded.rate,
+        rounded.duration,
+        exact(problem.inlet.half_axes),
+        exact(problem.goal.half_axes),
+        exact(problem.safe.half_widths) if problem.safe else None,
+    )
+
+
+def _solutions(decrease: SteadyDecrease, cells: list[Cell], workers: int) -> Iterator[tuple[Cell, SosSolution]]:
+    """Numerical solutions in the order of the cells."""
+    # polynomials are made here, in one thread: only the solver works beside others
+    questions = [
+        (decrease.target(cell), decrease.drop(decrease.pieces[cell.piece]), decrease.constraints(cell), decrease.bases)
+        for cell in cells
+    ]
+    if workers <= 1:
+        yield from ((cell, solve(*question)) for cell, question in zip(cells, questions, strict=True))
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        yield from zip(cells, pool.map(lambda question: solve(*question), questions), strict=True)
+
+
+def _exact_proof(
+    decrease: SteadyDecrease, cell: Cell, solution: SosSolution
+) -> tuple[CellProof | None, list[Gram], fmpq]:
+    """The first padding with which the exact replay accepts the rounded solution, and the margin it then proves."""
+    assert solution.grams is not None
+    for padding in PADDINGS:
+        grams = [round_gram(gram, padding) for gram in solution.grams]
+        matrices = tuple(
+            unpack_triangle([fmpq(entry, 2**exponent) for entry in lower], len(basis))
+            for (exponent, lower), basis in zip(grams, decrease.bases, strict=True)
+        )
+        proof = CellProof(cell, dyadic(solution.margin, MARGIN_BITS), matrices)
+        try:
+            return proof, grams, decrease.proven_margin(proof)
+        except ValueError:  # not positive definite yet
+            continue
+    return None, [], fmpq(0)
+
+
+def _named(cell: Cell) -> str:
+    return f"piece {cell.piece}, signs ({''.join('+' if sign > 0 else '-' for sign in cell.signs)})"

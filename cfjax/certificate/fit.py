@@ -1,0 +1,49 @@
+"""Polynomials for the functions in a vehicle's dynamics: fitted here, proven by the checker's arithmetic."""
+
+import math
+
+import numpy as np
+from flint import fmpq
+from numpy.polynomial import Polynomial
+from numpy.polynomial.chebyshev import Chebyshev
+
+from cfjax.certificate.rounding import dyadic
+from cfjax.check.enclosure import Enclosure, UnaryEnclosure, proven_bound
+
+
+# with sin to the third and cos to the fourth power, V̇ is of degree six: what the sums of squares are made for
+DEGREES = {"sin": 3, "cos": 4, "tan": 3, "inv": 3}
+FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "inv": np.reciprocal}
+PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}  # about 0
+SAMPLES = 64  # Chebyshev nodes
+WIDENING = fmpq(1, 1000)  # of the range, so that it stays valid under small changes of the funnel
+RANGE_BITS = 16
+COEFFICIENT_BITS = 26
+
+
+def enclose(function: str, argument: Enclosure) -> UnaryEnclosure:
+    """A proven enclosure of the function on the range that its argument reaches.
+
+    Raises:
+        ValueError: where the range holds a pole.
+    """
+    lower, upper = argument.range()
+    spare = (upper - lower) * WIDENING + fmpq(1, 2**RANGE_BITS)
+    low = fmpq(math.floor((lower - spare) * 2**RANGE_BITS), 2**RANGE_BITS)
+    high = fmpq(math.ceil((upper + spare) * 2**RANGE_BITS), 2**RANGE_BITS)
+    coefficients = fit(function, low, high)
+    return UnaryEnclosure(function, coefficients, low, high, proven_bound(function, coefficients, low, high))
+
+
+def fit(function: str, lower: fmpq, upper: fmpq) -> tuple[fmpq, ...]:
+    """Coefficients (ascending) of a nearly best polynomial, short dyadic rationals."""
+    low, high = float(lower), float(upper)
+    if function == "inv" and low <= 0 <= high:
+        raise ValueError("division by an expression that may be zero in the funnel")
+    nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
+    values = FUNCTIONS[function](nodes)
+    series = Chebyshev.fit(nodes, values, DEGREES[function], domain=[low, high])
+    power = series.convert(kind=Polynomial).coef
+    if lower == -upper:
+        power = [c if k % 2 == PARITY[function] else 0.0 for k, c in enumerate(power)]
+    return tuple(dyadic(c, COEFFICIENT_BITS) for c in power)

@@ -1,0 +1,55 @@
+"""From floating-point hints to short rationals: funnel, whitening, Gram matrices."""
+
+import math
+
+import numpy as np
+from flint import fmpq
+from jaxtyping import Float
+
+from cfjax.check.decrease import Matrix
+
+
+FUNNEL_BITS = 30  # C is rounded to 2^-30 of its smallest eigenvalue, the rate to 2^-30 of itself: 1e-9
+WHITENING_BITS = 14  # W is a change of coordinates, any nonsingular one is right; a short one keeps numbers short
+GRAM_BITS = 34  # below the largest entry; what rounding leaves over costs about 1e-8 of the margin
+MANTISSA_BITS = 53
+
+
+def dyadic(value: float, bits: int) -> fmpq:
+    """The nearest multiple of 2^-bits (bits may be negative)."""
+    return fmpq(int(round(math.ldexp(float(value), bits)))) * fmpq(2) ** -bits
+
+
+def round_matrix(matrix: Float[np.ndarray, "n n"], bits: int) -> list[list[fmpq]]:
+    """Entry by entry, symmetric where the lower triangle says so."""
+    size = len(matrix)
+    return [[dyadic(matrix[max(i, j), min(i, j)], bits) for j in range(size)] for i in range(size)]
+
+
+def round_shape(shape: Float[np.ndarray, "n n"]) -> Matrix:
+    """C as dyadic rationals that are floating-point numbers too: what the proof is about is what a controller runs."""
+    smallest = float(np.linalg.eigvalsh(shape)[0])
+    largest = float(np.abs(shape).max())
+    bits = min(FUNNEL_BITS - math.floor(math.log2(smallest)), MANTISSA_BITS - 2 - math.floor(math.log2(largest)))
+    return round_matrix(shape, bits)
+
+
+def round_rate(rate: float) -> fmpq:
+    """c0 or k likewise."""
+    return dyadic(rate, FUNNEL_BITS - math.floor(math.log2(abs(rate)))) if rate else fmpq(0)
+
+
+def round_whitening(shape: Float[np.ndarray, "n n"]) -> Matrix:
+    """W ≈ C^{−1/2}, so that the funnel is nearly a ball in y with x = W y."""
+    values, vectors = np.linalg.eigh(shape)
+    whitening = (vectors / np.sqrt(values)) @ vectors.T
+    return round_matrix(whitening, WHITENING_BITS - math.floor(math.log2(values[-1] ** -0.5)))
+
+
+def round_gram(gram: Float[np.ndarray, "k k"], padding: float) -> tuple[int, list[int]]:
+    """(exponent, lower triangle as whole numbers over 2^exponent) of Q + padding · max|Q| · identity."""
+    size = len(gram)
+    largest = max(float(np.abs(gram).max()), 1e-30)
+    exponent = min(max(GRAM_BITS - math.floor(math.log2(largest)), 0), 200)
+    padded = gram + padding * largest * np.eye(size)
+    return exponent, [int(round(math.ldexp(padded[i, j], exponent))) for i in range(size) for j in range(i + 1)]

@@ -1,0 +1,68 @@
+"""Conditions (a), (b), (c) in exact arithmetic: matrix inequalities over the rationals.
+
+With the funnel {xᵀ C x ≤ ρ(θ)}, I = {xᵀ P_I x ≤ 1}, G = {xᵀ P_G x < 1} and the box S = {|x_i| ≤ s_i}:
+
+    (a)  C ≺ P_I                     V(0, x) < 1 on I
+    (b)  C ≻ ρ(T) P_G, ρ(T) > 0      V(T, x) > 1 outside G
+    (c)  ρ(θ) (C⁻¹)_ii < s_i²        V > 1 outside S;  with s = π for the heading, where it wraps
+
+Where ρ is not rational, a rational above it stands for it.
+"""
+
+from collections.abc import Sequence
+
+from flint import fmpq, fmpq_mat
+
+from cfjax.check.decrease import Matrix, end_level
+from cfjax.check.rational import is_positive_definite, pi_lower
+
+
+HEADING = "alpha"
+
+
+def broken_containments(
+    states: Sequence[str],
+    shape: Matrix,
+    template: str,
+    rate: fmpq,
+    duration: fmpq,
+    inlet: Sequence[fmpq],
+    goal: Sequence[fmpq],
+    safe: Sequence[fmpq] | None,
+) -> list[str]:
+    """What is not proven of (a), (b), (c): one line each, none for a funnel that keeps them.
+
+    `inlet` and `goal` are half-axes, `safe` half-widths, one per state.
+    """
+    lowest_end, highest_end = end_level(template, rate, duration)
+    broken = []
+    if not is_positive_definite(_difference(_diagonal(inlet), shape, fmpq(1))):
+        broken.append("condition (a): the inlet I does not lie inside the funnel's start")
+    if lowest_end <= 0:
+        broken.append("condition (b): the funnel is empty before its end")
+    if not is_positive_definite(_difference(shape, _diagonal(goal), highest_end)):
+        broken.append("condition (b): the funnel's end does not lie inside the goal G")
+    if not is_positive_definite(shape):
+        return [*broken, "condition (c): C is not positive definite, the funnel is not bounded"]
+    inverse = fmpq_mat([list(row) for row in shape]).inv()
+    widest = max(fmpq(1), highest_end)
+    for i, state in enumerate(states):
+        reach_squared = widest * inverse[i, i]
+        if safe is not None and not reach_squared < safe[i] ** 2:
+            broken.append(f"condition (c): the funnel leaves the safe set S in {state}")
+        if state == HEADING and not reach_squared < pi_lower() ** 2:
+            broken.append("condition (c): the funnel reaches the heading where it wraps")
+    return broken
+
+
+def _diagonal(half_axes: Sequence[fmpq]) -> list[list[fmpq]]:
+    """P with {xᵀ P x ≤ 1}."""
+    size = len(half_axes)
+    return [[1 / half_axes[i] ** 2 if i == j else fmpq(0) for j in range(size)] for i in range(size)]
+
+
+def _difference(first: Matrix, second: Matrix, factor: fmpq) -> list[list[fmpq]]:
+    """first − factor · second."""
+    return [
+        [a - factor * b for a, b in zip(upper, lower, strict=True)] for upper, lower in zip(first, second, strict=True)
+    ]

@@ -1,0 +1,25 @@
+"""What the checker answers."""
+
+import enum
+from dataclasses import dataclass
+
+from flint import fmpq
+
+
+class Outcome(enum.Enum):
+    """Value: the exit code of `python -m cfjax.check`."""
+
+    PROVEN = 0  # the file proves a control funnel function
+    BROKEN = 1  # a claim of the file is not proven by it
+    UNREADABLE = 2  # no certificate, or none that this checker takes
+    REFUTED = 3  # the file proves that a candidate is no control funnel function with its margin
+
+
+@dataclass(frozen=True)
+class Report:
+    """Outcome and message (one paragraph); for a proven funnel λ per segment (1/s) and when the car arrives (s)."""
+
+    outcome: Outcome
+    message: str
+    margins: tuple[fmpq, ...] = ()
+    arrival: tuple[fmpq, fmpq] | None = None  # earliest, latest
