@@ -121,7 +121,7 @@ def ridge_coordinates(vehicle: Vehicle, instance: Instance) -> np.ndarray:
     """
     size = len(vehicle.state_names)
     probes = np.random.default_rng(0).normal(size=(8, size)) * np.asarray(instance.inlet)[None, :]
-    columns = np.abs(np.stack([np.asarray(affine_deviation(vehicle, x, instance.reference)[1]) for x in probes]))
+    columns = np.abs(np.stack([np.asarray(affine_deviation(vehicle, jnp.asarray(x), instance.reference)[1]) for x in probes]))
     ridges = np.zeros(size)
     for column in columns.max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column) == 1:

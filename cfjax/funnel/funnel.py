@@ -34,7 +34,7 @@ class Funnel:
 
     def form(self, x: Float[np.ndarray, "*batch n"]) -> Float[np.ndarray, "*batch"]:
         """q = xᵀ C x."""
-        return np.einsum("...i,ij,...j", x, self.shape, x)
+        return np.asarray(np.einsum("...i,ij,...j", x, self.shape, x))
 
     def level(self, theta: Scalar) -> Scalar:
         """ρ(θ): the funnel at θ is {xᵀ C x ≤ ρ(θ)}."""

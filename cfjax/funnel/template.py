@@ -48,11 +48,11 @@ class Template(abc.ABC):
         """The coefficient of u0 that the template adds to q̇."""
 
     @abc.abstractmethod
-    def shell(self, rate: Scalar, duration: Scalar, beta_lower: float) -> tuple[Scalar, Scalar]:
+    def shell(self, rate: Scalar, duration: Scalar, beta_lower: Scalar) -> tuple[Scalar, Scalar]:
         """Smallest and largest q that lie in the shell β̲ ≤ V ≤ 1 at some θ ∈ [0, T]."""
 
     @abc.abstractmethod
-    def drop(self, rate: Scalar, duration: Scalar, beta_lower: float, q: Scalar) -> Scalar:
+    def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
         """The largest 1/σ(θ) over the θ ∈ [0, T] at which q lies in the shell: q̇ + timing u0 ≤ −λ drop."""
 
 
@@ -74,11 +74,11 @@ class Paper(Template):
     def timing(self, rate: Scalar, q: Scalar) -> Scalar:
         return rate + 0 * q
 
-    def shell(self, rate: Scalar, duration: Scalar, beta_lower: float) -> tuple[Scalar, Scalar]:
+    def shell(self, rate: Scalar, duration: Scalar, beta_lower: Scalar) -> tuple[Scalar, Scalar]:
         change = rate * duration
         return beta_lower - jnp.maximum(change, 0.0), 1 - jnp.minimum(change, 0.0)
 
-    def drop(self, rate: Scalar, duration: Scalar, beta_lower: float, q: Scalar) -> Scalar:
+    def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
         return 1 + 0 * q
 
 
@@ -100,11 +100,11 @@ class Contracting(Template):
     def timing(self, rate: Scalar, q: Scalar) -> Scalar:
         return rate * q
 
-    def shell(self, rate: Scalar, duration: Scalar, beta_lower: float) -> tuple[Scalar, Scalar]:
+    def shell(self, rate: Scalar, duration: Scalar, beta_lower: Scalar) -> tuple[Scalar, Scalar]:
         end = jnp.exp(-rate * duration)
         return beta_lower * jnp.minimum(end, 1.0), jnp.maximum(end, 1.0)
 
-    def drop(self, rate: Scalar, duration: Scalar, beta_lower: float, q: Scalar) -> Scalar:
+    def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
         return jnp.minimum(q / beta_lower, jnp.maximum(jnp.exp(-rate * duration), 1.0))
 
 

@@ -3,6 +3,7 @@
 import enum
 from dataclasses import dataclass, field
 
+import jax.numpy as jnp
 import numpy as np
 
 from cfjax.errors import InputError
@@ -72,7 +73,7 @@ class Problem:
 
     def feedforward(self, segment: Segment, theta: float) -> np.ndarray:
         """Inputs (1, u_r) that hold the vehicle on the reference at θ, by least squares (exact where one exists)."""
-        drift, columns = affine_deviation(self.vehicle, np.zeros(self.dimension), segment.point(theta))
+        drift, columns = affine_deviation(self.vehicle, jnp.zeros(self.dimension), segment.point(theta))
         rest = np.asarray(drift + columns[:, 0])
         u, *_ = np.linalg.lstsq(np.asarray(columns[:, 1:]), -rest, rcond=None)
         return np.concatenate([[1.0], u])

@@ -48,7 +48,7 @@ class Interval:
         return 0.5 * (self.upper - self.lower)
 
     def __contains__(self, value: float) -> bool:
-        return self.lower <= value <= self.upper
+        return bool(self.lower <= value <= self.upper)
 
 
 class Vehicle(abc.ABC):
