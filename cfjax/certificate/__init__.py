@@ -1,7 +1,8 @@
 """From a candidate to a certificate: sums of squares as the oracle, exact arithmetic as the judge."""
 
 from cfjax.certificate.certifier import Certification, certify
+from cfjax.certificate.refuter import refute
 from cfjax.certificate.writing import dump
 
 
-__all__ = ["Certification", "certify", "dump"]
+__all__ = ["Certification", "certify", "dump", "refute"]

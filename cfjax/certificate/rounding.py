@@ -17,7 +17,7 @@ MANTISSA_BITS = 53
 
 def dyadic(value: float, bits: int) -> fmpq:
     """The nearest multiple of 2^-bits (bits may be negative)."""
-    return fmpq(int(round(math.ldexp(float(value), bits)))) * fmpq(2) ** -bits
+    return fmpq(round(math.ldexp(float(value), bits))) * fmpq(2) ** -bits
 
 
 def round_matrix(matrix: Float[np.ndarray, "n n"], bits: int) -> list[list[fmpq]]:
@@ -52,4 +52,4 @@ def round_gram(gram: Float[np.ndarray, "k k"], padding: float) -> tuple[int, lis
     largest = max(float(np.abs(gram).max()), 1e-30)
     exponent = min(max(GRAM_BITS - math.floor(math.log2(largest)), 0), 200)
     padded = gram + padding * largest * np.eye(size)
-    return exponent, [int(round(math.ldexp(padded[i, j], exponent))) for i in range(size) for j in range(i + 1)]
+    return exponent, [round(math.ldexp(float(padded[i, j]), exponent)) for i in range(size) for j in range(i + 1)]

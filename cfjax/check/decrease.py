@@ -1,18 +1,18 @@
-"""Condition (d) in exact arithmetic: what has to be shown for one vertex of the input box, and how a Gram proof shows it.
+"""Condition (d) in exact arithmetic: what has to be shown for one vertex of the input box, and how Gram matrices do.
 
 On a steady segment, with x = W y for a rational whitening W ≈ C^{−1/2} and q = xᵀ C x, the claim "some input gives
 V̇ ≤ −λ on the shell" reads (`cfjax.funnel.template`)
 
     for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ drop(q).
 
-The shell is cut at the q where `drop` has its kink, and each cut into the cells of one sign pattern of the polynomials
-s_i = ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof names one vertex u of
-the input box. On a cell
+The shell is cut at the q where `drop` has its kink, and each piece into the cells of one sign pattern of the
+polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
+of one vertex u of the input box. On a cell
 
     p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
-where |F_u − p_u| ≤ ε is the enclosure of sin and cos, every Q is positive semidefinite and r, what rounding left over, is
-a polynomial whose size on the ball is bounded and paid for out of λ.
+where |F_u − p_u| ≤ ε is the enclosure of sin and cos, every Q is positive definite and r, what rounding left over, is a
+polynomial: on a ball that holds the funnel |r| ≤ bound, and so F_u ≥ λ drop − bound ≥ (λ − bound / least drop) drop.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -49,7 +49,7 @@ class Item:
         if self.value.keys() != set(names):
             odd = sorted(self.value.keys() ^ set(names))[0]
             what = "missing" if odd in names else "unknown"
-            raise Unreadable(f"{self.where}: field {ascii(odd[:LONGEST_TEXT])} is {what}")
+            raise Unreadable(f"{self.where}: field {odd[:LONGEST_TEXT]!a} is {what}")
         return [Item(self.value[name], f"{self.where}.{name}" if self.where else name) for name in names]
 
     def entries(self, most: int, least: int = 1) -> list[tuple[str, "Item"]]:
@@ -80,17 +80,14 @@ class Item:
         return self.value
 
     def rational(self) -> fmpq:
-        if (
-            not isinstance(self.value, str)
-            or len(self.value) > 2 * LONGEST_NUMBER
-            or not RATIONAL.fullmatch(self.value)
-        ):
+        written = self.value if isinstance(self.value, str) and len(self.value) <= 2 * LONGEST_NUMBER + 2 else ""
+        if not RATIONAL.fullmatch(written):
             self.refuse('a rational as a string "p" or "p/q"')
-        above, _, below = self.value.partition("/")
+        above, _, below = written.partition("/")
         if max(len(above), len(below)) > LONGEST_NUMBER or (below and not int(below)):
             self.refuse("a rational of moderate length with a denominator that is not zero")
         number = fmpq(int(above), int(below or 1))
-        if str(number) != self.value:
+        if str(number) != written:
             self.refuse("a rational in lowest terms")
         return number
 
@@ -154,5 +151,5 @@ def _object(pairs: list[tuple[str, object]]) -> dict[str, object]:
     if len(result) != len(pairs):
         seen: set[str] = set()
         twice = next(name for name, _ in pairs if name in seen or seen.add(name))
-        raise Unreadable(f"the field {ascii(twice[:LONGEST_TEXT])} stands twice in one object")
+        raise Unreadable(f"the field {twice[:LONGEST_TEXT]!a} stands twice in one object")
     return result

@@ -1,8 +1,8 @@
 """The replay: every claim of a certificate proven again from the file alone, in exact arithmetic.
 
 A file that says "funnel" is answered with PROVEN only if, for the vehicle, path, sets and inputs that stand in it,
-conditions (a), (b), (c) hold as matrix inequalities and (d) holds with the margin λ on every sign cell of every piece of
-the shell. A file that says "refutation" is answered with REFUTED only if its witness violates a condition.
+conditions (a), (b), (c) hold as matrix inequalities and (d) holds with the margin λ on every sign cell of every piece
+of the shell. A file that says "refutation" is answered with REFUTED only if its witness violates a condition.
 """
 
 from collections.abc import Mapping

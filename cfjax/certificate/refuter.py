@@ -1,0 +1,104 @@
+"""The refuter: a candidate that violates a condition, with a witness that anyone can evaluate.
+
+The falsifier says where a condition fails, in floating point. Here the point becomes rational, is moved off the
+boundary on which such points like to lie, and is shown to the checker; only what the checker confirms is a refutation.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+
+from flint import fmpq
+
+from cfjax.certificate.certifier import Certification
+from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.writing import dump, seal, write_funnel, write_problem, write_witness
+from cfjax.check import Outcome, check_document
+from cfjax.check.rational import rational
+from cfjax.errors import InputError
+from cfjax.falsifier import WorstPoint, falsify
+from cfjax.funnel import Funnel
+from cfjax.problem import Problem
+from cfjax.verdict import Verdict
+
+
+NUDGES = (
+    0.0,
+    1e-13,
+    -1e-13,
+    1e-10,
+    -1e-10,
+    1e-7,
+    -1e-7,
+    1e-5,
+    -1e-5,
+)  # relative: in or out of the set whose edge it is
+DEPTHS = (1e-12, 1e-9, 1e-6, 1e-3, 0.5)  # into the range of θ at which a deviation lies in the shell
+X_DIGITS = 15  # significant digits of a witness
+
+
+def refute(
+    problem: Problem, funnel: Funnel, margin: float = 0.0, points: Iterable[WorstPoint] | None = None
+) -> Certification:
+    """Prove that a candidate is no control funnel function with margin λ (1/s) on the problem's one segment.
+
+    `points` are the falsifier's; without them it is asked. The candidate is taken as it is, not rounded.
+
+    Returns:
+        REFUTED with a document that the checker confirms, or INCONCLUSIVE: none of the points shows a violation.
+
+    Raises:
+        InputError: more than one segment, one that changes along θ, or a negative margin.
+    """
+    if len(problem.path.segments) != 1:
+        raise InputError(f"refute: expected one segment, got {len(problem.path.segments)}")
+    if not 0 <= margin < math.inf:
+        raise InputError(f"refute: expected a margin that is not negative, got {margin}")
+    segment = problem.path.segments[0]
+    question = write_problem(problem, trace_deviation(problem.vehicle))
+    size = funnel.dimension
+    shape = [[rational(float(funnel.shape[max(i, j), min(i, j)])) for j in range(size)] for i in range(size)]
+    candidate = write_funnel(
+        funnel.template.name,
+        shape,
+        rational(float(funnel.rate)),
+        rational(float(funnel.beta_lower)),
+        rational(float(margin)),
+    )
+    for point in falsify(problem, segment, funnel) if points is None else points:
+        for theta, x in _variants(funnel, segment.duration, point):
+            document = seal("refutation", question, [candidate], write_witness(point.condition, theta, x))
+            report = check_document(json.loads(dump(document)))
+            if report.outcome is Outcome.REFUTED:
+                return Certification(Verdict.REFUTED, report.message, funnels=(funnel,), document=document)
+    return Certification(Verdict.INCONCLUSIVE, "no point was found at which a condition is violated", funnels=(funnel,))
+
+
+def _variants(funnel: Funnel, duration: float, point: WorstPoint) -> Iterator[tuple[fmpq, list[fmpq]]]:
+    """Rational neighbours of a point, nearest first."""
+    end = rational(float(duration))
+    for nudge in NUDGES:
+        x = [float(f"{value * (1 + nudge):.{X_DIGITS}g}") for value in point.x]
+        exact = [rational(value) for value in x]
+        if point.condition == "d":
+            form = sum(x[i] * x[j] * float(funnel.shape[i, j]) for i in range(len(x)) for j in range(len(x)))
+            thetas = [rational(theta) for theta in _thetas_in_shell(funnel, duration, form)]
+        else:
+            thetas = {"a": [fmpq(0)], "b": [end]}.get(point.condition, [rational(float(point.theta))])
+        yield from ((min(max(theta, fmpq(0)), end), exact) for theta in thetas)
+
+
+def _thetas_in_shell(funnel: Funnel, duration: float, form: float) -> list[float]:
+    """Some θ at which the deviation lies in the shell, the most demanding first: there V is just above β̲."""
+    if form <= 0:
+        return []
+    if not funnel.rate:
+        return [0.0]
+
+    def reaching(level: float) -> float:
+        """θ ∈ [0, T] at which V is nearest to the level; V is monotone in θ."""
+        distance = level - form if funnel.template.name == "paper" else math.log(level / form)
+        return min(max(distance / funnel.rate, 0.0), duration)
+
+    inner, outer = reaching(funnel.beta_lower), reaching(1.0)
+    return [inner + depth * (outer - inner) for depth in (0.0, *DEPTHS)]
