@@ -12,6 +12,7 @@ Nothing heavy is imported before `main` has set up the environment: JAX reads it
 import os
 import sys
 import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -66,7 +67,7 @@ def main() -> int:
 
 
 def prepare_environment() -> None:
-    """Flags that JAX and Hydra read from the environment; what the user has set stands. Workers of a sweep inherit them."""
+    """Flags that JAX and Hydra read from the environment, and workers inherit; what the user has set stands."""
     import platformdirs
 
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hands errors on to `_main` instead of printing them over many lines
@@ -98,6 +99,7 @@ def _main() -> int:
     except (Refusal, InputError) as error:
         return _refuse(str(error))
     except (HydraException, OmegaConfBaseException) as error:
+        _forget_sweep(Checks.sweep)
         return _refuse(_say(error, one_line))
     except Exception as error:
         if not Checks.composed:
@@ -115,7 +117,7 @@ def _main() -> int:
 
 
 def run_job(node: "DictConfig") -> "Result | None":
-    """One job in the folder that Hydra made for it. In a sweep an error is written there and does not stop the others."""
+    """One job in the folder that Hydra made for it. In a sweep an error is written there and stops no other job."""
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
@@ -205,12 +207,22 @@ def _finish_sweep(sweep: Path) -> int:
         return NOT_CERTIFIED
     rows = gather(sweep)
     path = write_table(rows, sweep)
-    print_table(rows, sys.stdout)
+    print_table(rows)
     print(f"table: {path.resolve()}")
     print(f"sweep: {sweep.resolve()}", flush=True)
     if all(row.has_verdict for row in rows):
         return 0
     return BAD_INPUT if all(row.has_verdict or row.verdict == "bad input" for row in rows) else NOT_CERTIFIED
+
+
+def _forget_sweep(sweep: Path | None) -> None:
+    """Remove the folder of a sweep that was refused before its first job: Hydra makes it before it looks at them."""
+    if sweep is None or not sweep.is_dir() or {entry.name for entry in sweep.iterdir()} - {"multirun.yaml"}:
+        return
+    (sweep / "multirun.yaml").unlink(missing_ok=True)
+    with suppress(OSError):  # the folders above stay where they hold something else
+        for folder in (sweep, *sweep.parents[:2]):
+            folder.rmdir()
 
 
 def _refuse(message: str) -> int:

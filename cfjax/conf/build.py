@@ -20,7 +20,7 @@ def typed(node: DictConfig) -> Config:
     """The configuration as a `Config`; nobody below sees a DictConfig.
 
     Raises:
-        InputError: for keys that no schema knows (a leading + smuggles them past Hydra), for missing and for bad values.
+        InputError: for keys that no schema knows (a leading + smuggles them past Hydra), missing and bad values.
     """
     unknown = sorted(_unknown_keys(node, ""))
     if unknown:

@@ -1,10 +1,8 @@
 """How a run shows where it is: bars on a terminal, one line per finished stage in a file. All of it on stderr."""
 
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
@@ -13,12 +11,11 @@ from cfjax.synthesis import Progress as Callback
 
 
 @contextmanager
-def progress_on(stream: TextIO | None = None) -> Iterator[Callback]:
+def progress_on(console: Console | None = None) -> Iterator[Callback]:
     """A callback (stage, done, of) for the time of a run; a stage begins with its first call, ends at done = of."""
-    stream = sys.stderr if stream is None else stream
-    console = Console(file=stream)
+    console = Console(stderr=True) if console is None else console
     if not console.is_terminal:
-        yield _Lines(stream)
+        yield _Lines(console)
         return
     columns = (TextColumn("{task.description:>12}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as bars:
@@ -37,12 +34,12 @@ class _Bars:
 
 
 class _Lines:
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, console: Console) -> None:
+        self._console = console
         self._begun: dict[str, float] = {}
 
     def __call__(self, stage: str, done: int, of: int) -> None:
         begun = self._begun.setdefault(stage, time.monotonic())
         if done >= of:
             del self._begun[stage]
-            print(f"{stage}: {done} of {of}, {time.monotonic() - begun:.1f} s", file=self._stream, flush=True)
+            print(f"{stage}: {done} of {of}, {time.monotonic() - begun:.1f} s", file=self._console.file, flush=True)

@@ -19,12 +19,15 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 
+from cfjax.check import Outcome, Report, check_file
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Problem, Segment
@@ -37,15 +40,8 @@ PICTURE, CONFIG = "funnel.png", "config.yaml"
 REFERENCE_ROWS = 201  # per segment
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
 
-Check = Callable[[Path], Verdict | None]  # what a certificate on disk proves; None where a claim is broken
-
-
-def check_on_disk(path: Path) -> Verdict | None:
-    """What the independent checker says that the file proves."""
-    from cfjax.check import Outcome, check_file  # pyright: ignore[reportAttributeAccessIssue]
-
-    proves = {Outcome.FUNNEL: Verdict.CERTIFIED, Outcome.REFUTATION: Verdict.REFUTED}
-    return proves.get(check_file(path).outcome)
+Check = Callable[[Path], Report]
+PROVES = {Verdict.CERTIFIED: Outcome.PROVEN, Verdict.REFUTED: Outcome.REFUTED}
 
 
 def refuse_finished(folder: Path) -> None:
@@ -59,7 +55,7 @@ def write_run(
     folder: Path,
     config_yaml: str,
     picture: Callable[[Path], None] | None = None,
-    check: Check = check_on_disk,
+    check: Check = check_file,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
@@ -86,23 +82,40 @@ def write_run(
 
 
 def _write_certificate(result: Result, path: Path, check: Check) -> Result:
-    """The certificate on disk, accepted by the checker; or a result that claims nothing."""
-    if result.verdict not in (Verdict.CERTIFIED, Verdict.REFUTED):
+    """The certificate on disk, accepted by the checker, with the margins that it proves; or a result without claims."""
+    if result.verdict not in PROVES:
         return _without_claim(result, result.verdict, result.message)
     if result.document is None:
         return _without_claim(result, Verdict.INCONCLUSIVE, "there is no certificate to check, so nothing is proven")
     write_whole(path, (json.dumps(result.document, indent=1, allow_nan=False) + "\n").encode())
     try:
-        proven, reason = check(path), ""
+        report = check(path)
+        accepted, reason = report.outcome is PROVES[result.verdict], report.message
+        if accepted and result.verdict is Verdict.CERTIFIED:
+            return _with_margins(result, report)
     except Exception as error:  # the checker is the judge: whatever stops it, nothing is proven
-        proven, reason = None, f" ({type(error).__name__}: {error})"
-    if proven is result.verdict:
+        accepted, reason = False, f"{type(error).__name__}: {error}"
+    if accepted:
         return result
     path.unlink()
-    found = result.verdict.value
-    return _without_claim(
-        result, Verdict.INCONCLUSIVE, f"the exact checker did not accept the certificate of a {found} run{reason}"
+    claim = f"the exact checker did not accept the certificate of a {result.verdict.value} run"
+    return _without_claim(result, Verdict.INCONCLUSIVE, f"{claim}: {' '.join(reason.split())}")
+
+
+def _with_margins(result: Result, report: Report) -> Result:
+    """The margins that the checker proved, rounded down."""
+    segments = zip(result.segments, report.margins, strict=True)
+    return result.replace(
+        segments=tuple(
+            dataclasses.replace(segment, margin_certified=_rounded_down(margin)) for segment, margin in segments
+        )
     )
+
+
+def _rounded_down(number: fmpq) -> float:
+    """The largest float that is not above the rational number."""
+    exact = Fraction(int(number.p), int(number.q))
+    return float(exact) if Fraction(float(exact)) <= exact else math.nextafter(float(exact), -math.inf)
 
 
 def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
@@ -111,14 +124,14 @@ def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
 
 
 def _draw(picture: Callable[[Path], None], path: Path) -> None:
-    draft = path.with_name(f".{path.name}")
+    draft = path.with_name(f".part-{path.name}")  # keeps the suffix, which says what to draw
     try:
-        picture(draft.with_suffix(".part.png"))
-        os.replace(draft.with_suffix(".part.png"), path)
+        picture(draft)
+        os.replace(draft, path)
     except Exception as error:
         print(f"warning: {path.name} could not be drawn ({type(error).__name__}: {error})", file=sys.stderr)
     finally:
-        draft.with_suffix(".part.png").unlink(missing_ok=True)
+        draft.unlink(missing_ok=True)
 
 
 def write_whole(path: Path, content: bytes) -> None:

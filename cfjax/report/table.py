@@ -6,7 +6,6 @@ import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
 
 from omegaconf import OmegaConf
 from rich.console import Console
@@ -69,8 +68,8 @@ def write_table(rows: list[Row], sweep: Path) -> Path:
     return path
 
 
-def print_table(rows: list[Row], stream: TextIO) -> None:
-    """The rows for people: columns that say nothing are left out."""
+def print_table(rows: list[Row]) -> None:
+    """Print the rows for people; columns that say nothing are left out."""
     columns = [
         field.name
         for field in dataclasses.fields(Row)
@@ -79,13 +78,13 @@ def print_table(rows: list[Row], stream: TextIO) -> None:
     table = Table(*columns, box=None, header_style="bold", pad_edge=False)
     for row in rows:
         table.add_row(*(_cell(getattr(row, column)) for column in columns))
-    console = Console(file=stream)
+    console = Console()
     if not console.is_terminal:
-        console = Console(file=stream, width=200)  # in a file nothing is gained by narrow columns
+        console = Console(width=200)  # in a file nothing is gained by narrow columns
     console.print(table)
     for row in rows:
         if not row.has_verdict:
-            print(f"job {row.job}: {row.verdict}: {row.message}", file=stream)
+            print(f"job {row.job}: {row.verdict}: {row.message}")
 
 
 def _is_job(folder: Path) -> bool:

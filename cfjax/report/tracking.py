@@ -25,7 +25,7 @@ def _log(result: Result, config: Config, folder: Path) -> None:
     import wandb
 
     options = config.wandb
-    if options.mode == "online" and not wandb.api.api_key:
+    if options.mode == "online" and not wandb.login(prompt=False):
         raise RuntimeError("wandb.mode=online needs an API key (wandb login); wandb.mode=offline does not")
     run = wandb.init(
         project=options.project,

@@ -1,0 +1,56 @@
+"""The command in this process, with results made by hand where a synthesis would be slow, and in its own."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import cfjax.synthesis
+import cfjax.train
+from cfjax.problem import Problem
+from cfjax.result import Result
+from cfjax.synthesis import Options, Progress
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result]) -> None:
+    """synthesize returns a hand-made result, and no car is driven for the picture."""
+
+    def synthesize(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
+        if progress is not None:
+            progress("learn", 1, 1)
+        return hand_made(problem, options.template)
+
+    monkeypatch.setattr(cfjax.synthesis, "synthesize", synthesize)
+    monkeypatch.setattr(cfjax.train, "_draw", lambda result, path: path.write_bytes(b"a picture"))
+
+
+@pytest.fixture
+def train(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
+    """cfjax.train.main with the given arguments, in an empty working directory; returns the exit code."""
+    for name, value in dict(os.environ).items():
+        monkeypatch.setenv(name, value)  # puts back what the command sets
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> int:
+        monkeypatch.setattr(sys, "argv", ["train.py", *arguments])
+        return cfjax.train.main()
+
+    return run
+
+
+@pytest.fixture
+def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """`python -m cfjax.train` in a process of its own, in an empty working directory."""
+    package = Path(cfjax.train.__file__).parents[1]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(package), os.environ.get("PYTHONPATH", "")])}
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        line = [sys.executable, "-m", "cfjax.train", *arguments]
+        return subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+
+    return run

@@ -1,0 +1,142 @@
+"""Runs and sweeps through the command, on results made by hand: files, exit codes, what is printed."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import cfjax.synthesis
+import cfjax.train
+from cfjax.problem import Problem
+from cfjax.report.run_folder import read_run
+from cfjax.verdict import Verdict
+
+
+def test_run_ends_with_its_folder(
+    train: Callable[..., int], quick: None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("+path=circle", "method=tt", "template=paper") == 1  # inconclusive
+    captured = capfd.readouterr()
+    last = captured.out.splitlines()[-1]
+    folder = Path(last.removeprefix("run: "))
+    assert last.startswith("run: ")
+    assert folder.is_relative_to(tmp_path / "outputs")
+    files = {entry.name for entry in folder.iterdir()}
+    assert files == {"result.json", "reference.csv", "funnel.png", "config.yaml", ".hydra"}
+    data = json.loads((folder / "result.json").read_text())
+    assert (data["verdict"], data["method"], data["path"], data["template"]) == (
+        "inconclusive",
+        "tt",
+        "circle",
+        "paper",
+    )
+    assert data["inputs"]["u0"] == [1.0, 1.0]
+    assert captured.err == "learn: 1 of 1, 0.0 s\n"
+
+
+def test_two_runs_never_share_a_folder(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
+    assert [train("+path=straight") for _ in range(3)] == [1, 1, 1]
+    assert len(list(tmp_path.glob("outputs/*/*/result.json"))) == 3
+
+
+def test_finished_run_is_not_written_over(
+    train: Callable[..., int], quick: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("+path=straight", "hydra.run.dir=here") == 1
+    assert train("+path=straight", "hydra.run.dir=here") == 2
+    assert "already holds a run" in capfd.readouterr().err
+
+
+def test_interrupt(
+    train: Callable[..., int], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cfjax.synthesis, "synthesize", interrupted)
+    assert train("+path=circle", "hydra.run.dir=here") == 130
+    assert capfd.readouterr().err == "interrupted\n"
+    assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra"}
+
+
+def test_picture_that_fails_costs_nothing(
+    train: Callable[..., int], quick: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("no ink")
+
+    monkeypatch.setattr(cfjax.train, "_draw", broken)
+    assert train("+path=circle", "hydra.run.dir=here") == 1
+    assert "warning: funnel.png could not be drawn (RuntimeError: no ink)" in capfd.readouterr().err
+    assert read_run(Path("here")).verdict is Verdict.INCONCLUSIVE
+
+
+def test_help_and_configuration_are_shown(train: Callable[..., int], capfd: pytest.CaptureFixture[str]) -> None:
+    assert train("--cfg", "job", "+path=circle") == 0
+    assert "radius: 1.5" in capfd.readouterr().out
+
+
+def _sweep(tmp_path: Path) -> list[dict[str, str]]:
+    (table,) = tmp_path.glob("multirun/*/*/table.csv")
+    with table.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_sweep_ends_with_a_table(
+    train: Callable[..., int], quick: None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    speeds = "path.speed=1.5708,3.1416,6.2832"
+    assert train("-m", "+path=circle", speeds, "method=pf,tt") == 0  # every job ran to a verdict
+    rows = _sweep(tmp_path)
+    assert [row["overrides"] for row in rows][:2] == [
+        "+path=circle path.speed=1.5708 method=pf",
+        "+path=circle path.speed=1.5708 method=tt",
+    ]
+    assert {row["verdict"] for row in rows} == {"inconclusive"}
+    assert {row["certified"] for row in rows} == {""}
+    assert float(rows[0]["falsified"]) == 1 / 3
+    paper = [(row["paper"], row["agreement"]) for row in rows]
+    assert paper == [
+        ("found", "differs"),
+        ("found", "differs"),
+        ("found", "differs"),
+        ("not found", "agrees"),
+        ("", ""),
+        ("", ""),
+    ]
+    out = capfd.readouterr().out
+    assert out.splitlines()[-1].startswith("sweep: ")
+    assert "not found" in out
+
+
+def test_sweep_survives_bad_input_of_one_job(
+    train: Callable[..., int], quick: None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("-m", "+path=circle", "path.radius=1.5,0.1") == 2
+    good, bad = _sweep(tmp_path)
+    assert (good["verdict"], bad["verdict"]) == ("inconclusive", "bad input")
+    assert "needs w = 3.4" in bad["message"]
+    assert bad["path"] == "circle"
+
+
+def test_sweep_survives_a_crash(
+    train: Callable[..., int],
+    quick: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    whole = cfjax.synthesis.synthesize
+
+    def breaks_at_two(problem: Problem, *rest: object) -> object:
+        if problem.path.segments[0].point(0.0).speed == 2.0:
+            raise RuntimeError("out of luck")
+        return whole(problem, *rest)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(cfjax.synthesis, "synthesize", breaks_at_two)
+    assert train("-m", "+path=circle", "path.speed=2,3") == 1
+    crashed, good = _sweep(tmp_path)
+    assert (crashed["verdict"], crashed["message"], good["verdict"]) == ("crashed", "out of luck", "inconclusive")
+    assert "Traceback" in capfd.readouterr().err

@@ -1,0 +1,50 @@
+"""Strict numerics and run-time checked shapes for every test; a result made by hand."""
+
+import os
+
+
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+
+from jaxtyping import install_import_hook
+
+
+install_import_hook("cfjax", "beartype.beartype")  # before the package is imported
+
+from collections.abc import Callable  # noqa: E402
+
+import jax  # noqa: E402
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+
+from cfjax.funnel import Funnel, template_named  # noqa: E402
+from cfjax.problem import Problem  # noqa: E402
+from cfjax.result import ClosedLoop, Result, SegmentResult  # noqa: E402
+from cfjax.verdict import Verdict  # noqa: E402
+
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture
+def hand_made() -> Callable[..., Result]:
+    """An inconclusive result with a funnel that nobody searched for: (problem, template, margin, **changes)."""
+
+    def make(problem: Problem, template: str = "contracting", margin: float | None = None, **changes: object) -> Result:
+        shape = np.diag([6.0, 5.0, 4.5, 7.0]) + 0.1
+        segments = tuple(
+            SegmentResult(Funnel(template_named(template), shape, 0.01, s.duration, 0.9), 1 / 3, margin)
+            for s in problem.path.segments
+        )
+        return Result(
+            verdict=Verdict.INCONCLUSIVE,
+            message="made by hand",
+            problem=problem,
+            segments=segments,
+            closed_loop=ClosedLoop(10, 0, 0, 0, 0.75, (1.5, 2.5)),
+            seconds={"learn": 1.0, "certify": 2.0, "total": 3.0},
+            iterations=2,
+            history=({"margin_falsified": 0.25, "counterexamples": 3.0}, {"margin_falsified": 1 / 3}),
+        ).replace(**changes)
+
+    return make

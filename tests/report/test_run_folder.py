@@ -1,0 +1,166 @@
+"""What is written is what is read; what the checker does not accept is not called certified."""
+
+import csv
+import json
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flint import fmpq
+
+from cfjax.check import Outcome, Report, check_file
+from cfjax.conf import preset, preset_names, problem_of, yaml_of
+from cfjax.errors import InputError
+from cfjax.report.run_folder import Check, read_run, write_run
+from cfjax.result import Result
+from cfjax.verdict import Verdict
+
+
+Make = Callable[..., Result]  # hand_made
+
+
+@pytest.mark.parametrize("template", ["contracting", "paper"])
+@pytest.mark.parametrize("name", preset_names())
+def test_round_trip(hand_made: Make, name: str, template: str, tmp_path: Path) -> None:
+    written = write_run(hand_made(problem_of(preset(name)), template), tmp_path / "run", yaml_of(preset(name)))
+    read = read_run(tmp_path / "run")
+    assert read.problem == written.problem
+    assert (read.verdict, read.message, read.iterations) == (written.verdict, written.message, written.iterations)
+    assert read.closed_loop == written.closed_loop
+    assert read.margin_falsified == 1 / 3
+    assert read.margin_certified is None
+    for mine, theirs in zip(read.segments, written.segments, strict=True):
+        np.testing.assert_array_equal(mine.funnel.shape, theirs.funnel.shape)
+        assert (mine.funnel.rate, mine.funnel.duration) == (theirs.funnel.rate, theirs.funnel.duration)
+        assert mine.funnel.template is theirs.funnel.template
+
+
+def test_fields_of_result_json(hand_made: Make, tmp_path: Path) -> None:
+    write_run(hand_made(problem_of(preset("circle"))), tmp_path / "run", yaml_of(preset("circle")))
+    data = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert set(data) >= {
+        *("verdict", "message", "method", "path", "template", "margin", "margin_per_metre", "segments", "inputs"),
+        *("vehicle", "sets", "seconds", "iterations", "closed_loop", "versions"),
+    }
+    assert data["margin"] == {"certified": None, "falsified": 1 / 3}
+    assert data["inputs"] == {"u0": [0.5, 2.0], "w": [-1.0, 1.0], "thrust": [-4.0, 4.0]}
+    assert data["vehicle"]["name"] == "kinematic_bicycle"
+    assert data["vehicle"]["wheelbase"] == 0.34
+    assert data["sets"] == {"inlet": [0.5] * 4, "goal": [0.5] * 4, "safe": [1.0, 1.0, 1.0, 3.0]}
+    (segment,) = data["segments"]
+    assert set(segment) == {
+        *("duration", "C", "template", "rate", "beta", "beta_lower", "margin_certified", "margin_falsified")
+    }
+    assert segment["beta"] == 1.0
+
+
+def test_reference_samples_the_path_at_full_precision(hand_made: Make, tmp_path: Path) -> None:
+    write_run(hand_made(problem_of(preset("circle"))), tmp_path / "run", yaml_of(preset("circle")))
+    with (tmp_path / "run" / "reference.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["segment", "theta", "alpha", "x", "y", "v", "omega"]
+    assert len(rows) == 201
+    theta, alpha, x, y, v, omega = (np.array([float(r[k]) for r in rows]) for k in list(rows[0])[1:])
+    assert theta[0] == 0.0
+    np.testing.assert_allclose(theta[-1], 6.0, rtol=1e-15)
+    np.testing.assert_allclose(np.stack([x, y]), 1.5 * np.stack([np.cos(alpha), np.sin(alpha)]), atol=1e-12)
+    np.testing.assert_allclose(v, math.pi / 2, rtol=0)
+    np.testing.assert_allclose(omega, math.pi / 3, rtol=1e-15)
+
+
+CLAIMS = {"verdict": Verdict.CERTIFIED, "document": {"format": "made by hand"}, "margin": 0.4}
+RATIONAL = 0.3 if Fraction(0.3) <= Fraction(3, 10) else math.nextafter(0.3, 0)  # of 3/10, rounded down
+
+
+def test_certified_only_when_the_checker_accepts_the_file(hand_made: Make, tmp_path: Path) -> None:
+    def accepts(path: Path) -> Report:
+        assert json.loads(path.read_text()) == CLAIMS["document"]  # as it lies on disk
+        return Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),))
+
+    written = write_run(
+        hand_made(problem_of(preset("circle")), **CLAIMS), tmp_path / "run", yaml_of(preset("circle")), check=accepts
+    )
+    assert written.verdict is Verdict.CERTIFIED
+    read = read_run(tmp_path / "run")
+    assert (read.verdict, read.margin_certified, read.document) == (Verdict.CERTIFIED, RATIONAL, CLAIMS["document"])
+    data = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert data["margin_per_metre"] == pytest.approx(0.3 / (math.pi / 2))
+
+
+def _breaks(path: Path) -> Report:
+    raise RuntimeError("checker ran away")
+
+
+REFUSALS = {
+    "broken": (Verdict.CERTIFIED, lambda path: Report(Outcome.BROKEN, "no")),
+    "proves the opposite": (Verdict.CERTIFIED, lambda path: Report(Outcome.REFUTED, "no")),
+    "proves a part": (Verdict.CERTIFIED, lambda path: Report(Outcome.PROVEN, "yes", margins=())),
+    "checker crashed": (Verdict.CERTIFIED, _breaks),
+    "broken witness": (Verdict.REFUTED, lambda path: Report(Outcome.UNREADABLE, "no")),
+    "no refutation": (Verdict.REFUTED, lambda path: Report(Outcome.PROVEN, "no")),
+    "the real checker": (Verdict.CERTIFIED, check_file),
+}
+
+
+@pytest.mark.parametrize(("verdict", "check"), REFUSALS.values(), ids=list(REFUSALS))
+def test_what_the_checker_does_not_accept_claims_nothing(
+    hand_made: Make, verdict: Verdict, check: Check, tmp_path: Path
+) -> None:
+    claimed = hand_made(problem_of(preset("circle")), **{**CLAIMS, "verdict": verdict})
+    written = write_run(claimed, tmp_path / "run", yaml_of(preset("circle")), check=check)
+    assert written.verdict is Verdict.INCONCLUSIVE
+    assert "did not accept" in written.message
+    assert not (tmp_path / "run" / "certificate.json").exists()
+    data = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert (data["verdict"], data["margin"]["certified"]) == ("inconclusive", None)
+    assert data["segments"][0]["margin_certified"] is None
+
+
+def test_claim_without_certificate_claims_nothing(hand_made: Make, tmp_path: Path) -> None:
+    claimed = hand_made(problem_of(preset("circle")), verdict=Verdict.CERTIFIED, margin=0.3)
+    written = write_run(claimed, tmp_path / "run", yaml_of(preset("circle")))
+    assert (written.verdict, written.margin_certified) == (Verdict.INCONCLUSIVE, None)
+
+
+def test_leftovers_of_a_killed_run_are_cleared(hand_made: Make, tmp_path: Path) -> None:
+    (tmp_path / "certificate.json").write_text("{}")
+    write_run(hand_made(problem_of(preset("circle"))), tmp_path, yaml_of(preset("circle")))
+    assert not (tmp_path / "certificate.json").exists()
+    with pytest.raises(InputError, match="already holds a run"):
+        write_run(hand_made(problem_of(preset("circle"))), tmp_path, yaml_of(preset("circle")))
+
+
+def test_no_funnel_at_all_is_written_too(hand_made: Make, tmp_path: Path) -> None:
+    nothing = hand_made(problem_of(preset("circle")), segments=(), closed_loop=None, verdict=Verdict.SOLVER_FAILED)
+    write_run(nothing, tmp_path / "run", yaml_of(preset("circle")))
+    read = read_run(tmp_path / "run")
+    assert (read.verdict, read.segments, read.closed_loop) == (Verdict.SOLVER_FAILED, (), None)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("result.json", None, "cannot be read"),
+        ("result.json", "{", "expected JSON"),
+        ("result.json", "[]", "expected a JSON object, got list"),
+        ("result.json", "{}", "expected the result of a run"),
+        ("config.yaml", None, "cannot be read"),
+        ("config.yaml", "path: {kind: spiral}", "expected path.kind to be one of straight, circle, got spiral"),
+        ("config.yaml", "- a", "expected keys and values"),
+        ("config.yaml", "a: [", "config.yaml"),
+    ],
+)
+def test_unreadable_folders_are_refused_in_one_line(
+    hand_made: Make, file: str, content: str | None, message: str, tmp_path: Path
+) -> None:
+    write_run(hand_made(problem_of(preset("circle"))), tmp_path / "run", yaml_of(preset("circle")))
+    if content is None:
+        (tmp_path / "run" / file).unlink()
+    else:
+        (tmp_path / "run" / file).write_text(content)
+    with pytest.raises(InputError, match=message) as refused:
+        read_run(tmp_path / "run")
+    assert "\n" not in str(refused.value)
