@@ -1,132 +1,25 @@
 """The falsifier: the worst point of every condition.
 
-(a), (b), (c) have closed-form worst points. For (d) a batch of searchers descends the margin in dual coordinates
-(`cfjax.funnel.conditions`), |b_i| rounded off less and less, part of them held on the ridges where inputs have no
-authority: the lowest margins sit there, and plain sampling misses them by factors of two and more.
+(a), (b), (c) have closed-form worst points. For (d) a batch of particles descends the margin (`cfjax.falsifier.duel`),
+part of them held on the ridges where inputs have no authority: the lowest margins sit there, and plain sampling misses
+them by factors of two and more.
 """
 
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from cfjax.falsifier.duel import Outcome, Particles, Schedule, duel, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
-from cfjax.funnel.conditions import Instance, decrease_margin, instance_of, shell_point
-from cfjax.problem import Problem, Segment, Vehicle, affine_deviation
+from cfjax.funnel.conditions import Instance, instance_of, shell_points
+from cfjax.problem import Problem, Segment, Vehicle
 
 
-FIRST_STEP, LAST_STEP = 0.3, 3e-5  # of the descent, as parts of the unit sphere of covectors
-ROUNDING = 0.1  # smoothing of |b_i| relative to step and scale: the kink is as wide as the step
-
-
-class Searchers(NamedTuple):
-    """Points in dual coordinates: `w` (unit covectors), `s` (fraction of the range of q); `free` 0 holds a coordinate."""
-
-    w: Float[Array, "k n"]
-    s: Float[Array, " k"]
-    free: Float[Array, "k n"]
-
-
-def start_searchers(key: Array, count: int, ridges: Float[Array, " n"]) -> Searchers:
-    """Random searchers; each coordinate that is a ridge (1 in `ridges`) is held at zero by half of them."""
-    key_w, key_s, key_free = jax.random.split(key, 3)
-    size = ridges.shape[0]
-    held = jax.random.bernoulli(key_free, 0.5, (count, size)) * ridges[None, :]
-    w = jax.random.normal(key_w, (count, size)) * (1 - held)
-    s = jax.random.uniform(key_s, (count,))
-    return _normalised(Searchers(w, s, 1 - held))
-
-
-def _normalised(searchers: Searchers) -> Searchers:
-    w = searchers.w / jnp.linalg.norm(searchers.w, axis=1, keepdims=True)
-    return searchers._replace(w=w, s=jnp.clip(searchers.s, 0.0, 1.0))
-
-
-def margins_at(
-    vehicle: Vehicle,
-    template: Template,
-    instance: Instance,
-    factor: Float[Array, "n n"],
-    rate: Array,
-    searchers: Searchers,
-    smoothing: Array | float = 0.0,
-) -> Float[Array, " k"]:
-    """The margin of condition (d), 1/s, at each searcher."""
-
-    def one(w: Array, s: Array) -> Array:
-        point = shell_point(template, instance, factor, rate, w, s)
-        return decrease_margin(vehicle, template, instance, rate, point, smoothing)
-
-    return jax.vmap(one)(searchers.w, searchers.s)
-
-
-def descend(
-    vehicle: Vehicle,
-    template: Template,
-    instance: Instance,
-    factor: Float[Array, "n n"],
-    rate: Array,
-    searchers: Searchers,
-    step: Array,
-    scale: Array,
-) -> Searchers:
-    """One step of every searcher towards smaller margins; `step` on the unit sphere, `scale` of V̇ in 1/s."""
-
-    def smooth(w: Array, s: Array) -> Array:
-        w = w / jnp.sqrt(w @ w)
-        point = shell_point(template, instance, factor, rate, w, s)
-        return decrease_margin(vehicle, template, instance, rate, point, ROUNDING * step * scale)
-
-    down_w, down_s = jax.vmap(jax.grad(smooth, argnums=(0, 1)))(searchers.w, searchers.s)
-    down_w = down_w * searchers.free
-    length = jnp.sqrt((down_w**2).sum(axis=1) + down_s**2) + 1e-30
-    moved = searchers._replace(
-        w=searchers.w - step * down_w / length[:, None], s=searchers.s - step * down_s / length
-    )
-    return _normalised(moved)
-
-
-@partial(jax.jit, static_argnames=("vehicle", "template", "count", "steps"))
-def search_shell(
-    vehicle: Vehicle,
-    template: Template,
-    instance: Instance,
-    factor: Float[Array, "n n"],
-    rate: Array,
-    ridges: Float[Array, " n"],
-    key: Array,
-    count: int,
-    steps: int,
-) -> tuple[Searchers, Float[Array, " k"]]:
-    """Searchers at their (local) worst points of condition (d), and the margins there."""
-    searchers = start_searchers(key, count, ridges)
-    scale = jnp.std(margins_at(vehicle, template, instance, factor, rate, searchers))
-    ratio = jnp.log(LAST_STEP / FIRST_STEP) / steps
-
-    def body(k: int, searchers: Searchers) -> Searchers:
-        return descend(vehicle, template, instance, factor, rate, searchers, FIRST_STEP * jnp.exp(ratio * k), scale)
-
-    searchers = jax.lax.fori_loop(0, steps, body, searchers)
-    return searchers, margins_at(vehicle, template, instance, factor, rate, searchers)
-
-
-def ridge_coordinates(vehicle: Vehicle, instance: Instance) -> np.ndarray:
-    """Which coordinates of the covector decide alone about an input's authority: 1 for each, else 0.
-
-    An input attacks one state alone if its column of the dynamics has one entry that is not zero, wherever one looks.
-    """
-    size = len(vehicle.state_names)
-    probes = np.random.default_rng(0).normal(size=(8, size)) * np.asarray(instance.inlet)[None, :]
-    columns = np.abs(np.stack([np.asarray(affine_deviation(vehicle, jnp.asarray(x), instance.reference)[1]) for x in probes]))
-    ridges = np.zeros(size)
-    for column in columns.max(axis=0).T[1:]:  # the timing input attacks every state
-        if np.count_nonzero(column) == 1:
-            ridges[int(np.argmax(column))] = 1.0
-    return ridges
+SEARCH = Schedule(steps=400)
+GROUPS, GROUP_SIZE = 4, 128  # the shapes of the learner's duel: the same compiled program
 
 
 @dataclass(frozen=True)
@@ -142,16 +35,55 @@ class WorstPoint:
     x: tuple[float, ...]  # deviation, in the units of the states
 
 
+class Hunt(NamedTuple):
+    """Particles at the (local) worst points of each candidate's condition (d), and the margins there, 1/s."""
+
+    particles: Particles
+    margins: Float[np.ndarray, "r k"]
+
+
+def margin_scale(
+    vehicle: Vehicle,
+    template: Template,
+    instance: Instance,
+    factor: Float[np.ndarray, "r n n"],
+    change: Float[np.ndarray, " r"],
+    particles: Particles,
+) -> Float[np.ndarray, " r"]:
+    """Spread of each candidate's margin over random points of the shell, 1/s: the unit of all tolerances of a search."""
+    still = SEARCH._replace(steps=0)
+    return duel(vehicle, template, instance, still, np.ones(len(factor)), factor, change, particles).margins.std(axis=1)
+
+
+def hunt(
+    vehicle: Vehicle,
+    template: Template,
+    instance: Instance,
+    factor: Float[np.ndarray, "r n n"],
+    change: Float[np.ndarray, " r"],
+    rng: np.random.Generator,
+    schedule: Schedule = SEARCH,
+    count: int = GROUP_SIZE,
+) -> Hunt:
+    """Search each candidate's shell from fresh random particles."""
+    particles = spawn(rng, len(factor), count, ridge_coordinates(vehicle, instance))
+    scale = margin_scale(vehicle, template, instance, factor, change, particles)
+    found: Outcome = duel(vehicle, template, instance, schedule, scale, factor, change, particles)
+    return Hunt(found.particles, np.where(np.isnan(found.margins), np.inf, found.margins))
+
+
 def falsify(
-    problem: Problem, segment: Segment, funnel: Funnel, *, seed: int = 0, count: int = 1024, steps: int = 400
+    problem: Problem, segment: Segment, funnel: Funnel, *, seed: int = 0, rounds: int = 4
 ) -> tuple[WorstPoint, ...]:
-    """The worst point that was found of each of (a), (b), (c), (d); the first three are exact up to rounding."""
-    instance = instance_of(problem, segment, funnel.beta_lower)
+    """The worst point that was found of each of (a), (b), (c), (d); the first three are exact up to rounding.
+
+    (d) is searched `rounds` times by 512 particles each.
+    """
+    instance = instance_of(problem, segment, funnel.template, funnel.beta_lower)
     inverse = np.linalg.inv(funnel.shape)
     inlet, goal = np.array(problem.inlet.half_axes), np.array(problem.goal.half_axes)
     end = float(funnel.level(segment.duration))
     widest_at = 0.0 if end <= 1 else segment.duration
-    widest = max(1.0, end)
     points: list[WorstPoint] = []
 
     def note(condition: str, slack: float, theta: float, x: np.ndarray) -> None:
@@ -163,20 +95,21 @@ def falsify(
     note("b", values[0] / end - 1, segment.duration, goal * vectors[:, 0])
     safe = np.asarray(instance.safe)
     face = int(np.argmin(safe**2 / np.diag(inverse)))
-    slack = safe[face] ** 2 / inverse[face, face] / widest - 1
-    if np.isfinite(slack):
-        note("c", slack, widest_at, safe[face] * inverse[:, face] / inverse[face, face])
+    slack = safe[face] ** 2 / inverse[face, face] / max(1.0, end) - 1
+    note("c", slack, widest_at, safe[face] * inverse[:, face] / inverse[face, face])
 
-    factor = jnp.asarray(np.linalg.cholesky(inverse))
-    rate = jnp.asarray(funnel.rate, float)
-    ridges = jnp.asarray(ridge_coordinates(problem.vehicle, instance))
-    searchers, margins = search_shell(
-        problem.vehicle, funnel.template, instance, factor, rate, ridges, jax.random.key(seed), count, steps
+    factor = np.repeat(np.linalg.cholesky(inverse)[None], GROUPS, axis=0)
+    change = np.full(GROUPS, funnel.rate * segment.duration)
+    rng = np.random.default_rng(seed)
+    found = [hunt(problem.vehicle, funnel.template, instance, factor, change, rng) for _ in range(rounds)]
+    margins = np.concatenate([hunted.margins.ravel() for hunted in found])
+    rows = np.concatenate([hunted.particles.points.reshape(-1, problem.dimension + 1) for hunted in found])
+    worst = rows[np.argmin(margins)][None]
+    x, q, _ = shell_points(
+        funnel.template, instance, jnp.asarray(factor[0]), funnel.rate, jnp.asarray(worst[:, :-1]), jnp.asarray(worst[:, -1])
     )
-    worst = int(jnp.nanargmin(margins))
-    point = shell_point(funnel.template, instance, factor, rate, searchers.w[worst], searchers.s[worst])
-    theta = _theta_in_shell(funnel, segment.duration, float(point.q))
-    note("d", float(margins[worst]), theta, np.asarray(point.x))
+    theta = _theta_in_shell(funnel, segment.duration, float(q[0]))
+    note("d", margins.min(), theta, np.asarray(x[0]))
     return tuple(points)
 
 

@@ -25,6 +25,9 @@ from cfjax.errors import InputError
 from cfjax.problem.vehicle import Scalar
 
 
+LEAST_CHANGE = 1e-3  # of rate · duration, where the funnel has to shrink
+
+
 class Template(abc.ABC):
     """One family of funnel functions; stateless. `rate` is c0 or k in 1/s, `duration` is T in s."""
 
@@ -55,6 +58,10 @@ class Template(abc.ABC):
     def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
         """The largest 1/σ(θ) over the θ ∈ [0, T] at which q lies in the shell: q̇ + timing u0 ≤ −λ drop."""
 
+    @abc.abstractmethod
+    def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
+        """Range of rate · duration that a learner may use; below zero the funnel grows."""
+
 
 class Paper(Template):
     """V = xᵀ C x + c0 θ, the paper's own."""
@@ -81,6 +88,10 @@ class Paper(Template):
     def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
         return 1 + 0 * q
 
+    def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
+        # c0 T has to stay below β̲, or the shell would hold x = 0, where V̇ = c0 u0 > 0
+        return (-2.0 if may_grow else LEAST_CHANGE), beta_lower - 0.02
+
 
 class Contracting(Template):
     """V = e^{kθ} xᵀ C x: the level sets shrink at a relative rate, so the last and smallest need not outrun it."""
@@ -106,6 +117,9 @@ class Contracting(Template):
 
     def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
         return jnp.minimum(q / beta_lower, jnp.maximum(jnp.exp(-rate * duration), 1.0))
+
+    def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
+        return (-2.0 if may_grow else LEAST_CHANGE), 20.0
 
 
 TEMPLATES: dict[str, Template] = {template.name: template for template in (Contracting(), Paper())}

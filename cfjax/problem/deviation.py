@@ -10,6 +10,7 @@ With the pose deviation p = R(α_r) p_R + p_r, α = α_R + α_r and the internal
 "body fixed frame". On a straight line or a circle at constant speed nothing here depends on θ.
 """
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
@@ -38,7 +39,8 @@ class ReferencePoint(NamedTuple):
 def deviation_rate(vehicle: Vehicle, x: "Sequence", inputs: "Sequence", reference: ReferencePoint) -> tuple:
     """Time derivative of the deviation (α_R, x_R, y_R, ξ_R…): rad/s, m/s, m/s, unit of ξ per second.
 
-    `x` has one scalar per `vehicle.state_names`, `inputs` is (u0, *vehicle inputs). Scalars in, scalars out.
+    `x` has one scalar per `vehicle.state_names`, `inputs` is (u0, *vehicle inputs). Scalars in, scalars out; arrays of
+    equal length pass as scalars too, for a whole batch at once.
     """
     alpha, px, py, *internal = x
     u0, *u = inputs
@@ -63,6 +65,7 @@ def deviation_rate(vehicle: Vehicle, x: "Sequence", inputs: "Sequence", referenc
     )
 
 
+@partial(jax.jit, static_argnames="vehicle")
 def affine_deviation(
     vehicle: Vehicle, x: Float[Array, " n"], reference: ReferencePoint
 ) -> tuple[Float[Array, " n"], Float[Array, "n m"]]:
@@ -72,8 +75,11 @@ def affine_deviation(
         f of shape (n,) and g of shape (n, 1 + number of vehicle inputs); column 0 belongs to the timing law.
     """
 
-    def rate(inputs: Array) -> Array:
-        return jnp.stack([jnp.asarray(r, float) for r in deviation_rate(vehicle, tuple(x), tuple(inputs), reference)])
+    count = 1 + len(vehicle.input_names)
 
-    rest = jnp.zeros(1 + len(vehicle.input_names))
-    return rate(rest), jax.jacfwd(rate)(rest)
+    def rate(*inputs: float) -> Array:
+        return jnp.stack([jnp.asarray(r, float) for r in deviation_rate(vehicle, tuple(x), inputs, reference)])
+
+    drift = rate(*(0.0,) * count)
+    columns = [rate(*(float(i == j) for j in range(count))) - drift for i in range(count)]
+    return drift, jnp.stack(columns, axis=-1)
