@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Sequence
 from importlib import resources
-from numbers import Real
 from typing import Any
 
 from hydra import compose, initialize_config_module
@@ -133,12 +132,13 @@ def one_line(error: BaseException) -> str:
 
 
 def _half_axes(label: str, value: Any, dimension: int) -> tuple[float, ...]:
-    numbers = value if isinstance(value, Sequence) and not isinstance(value, str) else [value] * dimension
-    if not all(isinstance(number, Real) and not isinstance(number, bool) for number in numbers):
+    given = value if isinstance(value, Sequence) and not isinstance(value, str) else [value] * dimension
+    numbers = [float(number) for number in given if isinstance(number, int | float) and not isinstance(number, bool)]
+    if len(numbers) != len(given):
         raise InputError(f"{label}: expected a number or a list of {dimension} numbers, got {value}")
     if not all(0 < number < float("inf") for number in numbers):
         raise InputError(f"{label}: expected positive finite numbers, got {value}")
-    return tuple(float(number) for number in numbers)
+    return tuple(numbers)
 
 
 def _unknown_keys(node: Any, prefix: str) -> list[str]:

@@ -30,7 +30,7 @@ from flint import fmpq
 from cfjax.check import Outcome, Report, check_file
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Problem, Segment
+from cfjax.problem import Problem, Segment, Vehicle
 from cfjax.result import ClosedLoop, Result, SegmentResult
 from cfjax.verdict import Verdict
 
@@ -174,7 +174,7 @@ def result_json(result: Result) -> dict[str, Any]:
         "margin_per_metre": _number(_margin_per_metre(result)),
         "segments": [_segment_json(segment) for segment in result.segments],
         "inputs": {name: [box.lower, box.upper] for name, box in zip(states, problem.inputs, strict=True)},
-        "vehicle": {"name": problem.vehicle.name, **_fields(problem.vehicle)},
+        "vehicle": {"name": problem.vehicle.name, **numbers_of(problem.vehicle)},
         "sets": {
             "inlet": list(problem.inlet.half_axes),
             "goal": list(problem.goal.half_axes),
@@ -237,8 +237,10 @@ def _number(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _fields(instance: Any) -> dict[str, Any]:
-    return dataclasses.asdict(instance) if dataclasses.is_dataclass(instance) else {}
+def numbers_of(vehicle: Vehicle) -> dict[str, Any]:
+    """A vehicle's own numbers, where it is a dataclass."""
+    fields = dataclasses.fields(vehicle) if dataclasses.is_dataclass(vehicle) else ()
+    return {field.name: getattr(vehicle, field.name) for field in fields}
 
 
 def read_run(folder: Path) -> Result:
