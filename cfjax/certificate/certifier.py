@@ -35,6 +35,7 @@ from cfjax.verdict import Verdict
 
 
 PADDINGS = (1e-7, 1e-6, 1e-5, 1e-4)  # of the largest Gram entry; tried in this order until the proof holds
+SUSPECT_CELLS = 4  # the worst ones, of which the learner hears
 MARGIN_BITS = 40  # of the margin that the document claims: rounded down
 USABLE = ("optimal",)
 HINT_ONLY = ("optimal_inaccurate",)  # Clarabel's AlmostSolved: no solution, but the exact replay may like it
@@ -57,15 +58,19 @@ class Certification:
     margins: tuple[float, ...] | None = None  # not above the exact rationals in the document
     numerical_margins: tuple[float, ...] = ()  # optimum of the sums-of-squares programs
     seconds: dict[str, float] = field(default_factory=dict)  # sos, exact
+    suspects: tuple[tuple[float, ...], ...] = ()  # deviations that limit the proof, by the duals: for a learner
 
 
 class _NotProven(Exception):
     """Ends a certification with a verdict."""
 
-    def __init__(self, verdict: Verdict, message: str, numerical: float = math.nan) -> None:
+    def __init__(
+        self, verdict: Verdict, message: str, numerical: float = math.nan, suspects: tuple[tuple[float, ...], ...] = ()
+    ) -> None:
         super().__init__(message)
         self.verdict = verdict
         self.numerical = numerical
+        self.suspects = suspects
 
 
 def certify(
@@ -103,6 +108,7 @@ def certify(
             funnels=tuple(funnel.funnel for funnel in rounded),
             numerical_margins=() if math.isnan(failure.numerical) else (failure.numerical,),
             seconds=clock,
+            suspects=failure.suspects,
         )
     started = time.perf_counter()
     document = seal(
@@ -123,6 +129,7 @@ def certify(
         margins=tuple(float_below(proof.margin) for proof in found) if proven else None,
         numerical_margins=tuple(proof.numerical for proof in found),
         seconds=clock,
+        suspects=tuple(point for proof in found for point in proof.suspects),
     )
 
 
@@ -156,6 +163,7 @@ class _SegmentProof:
     margin: fmpq
     numerical: float
     hints: dict[str, Any]
+    suspects: tuple[tuple[float, ...], ...]
 
 
 def steady_decrease(problem: Problem, segment: Segment, rounded: _RoundedFunnel, graph: Graph) -> SteadyDecrease:
@@ -217,10 +225,11 @@ def _certify_segment(
     cells = list(decrease.cells())
     clock["exact"] += time.perf_counter() - started
 
-    written, margins, numerical = [], [], []
+    written, margins, numerical, solved = [], [], [], []
     for done, (cell, solution) in enumerate(_solutions(decrease, cells, workers)):
         clock["sos"] += solution.seconds
         numerical.append(solution.margin)
+        solved.append(solution)
         if solution.grams is None:
             raise _NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {_named(cell)}: {solution.status}")
         started = time.perf_counter()
@@ -233,6 +242,7 @@ def _certify_segment(
                 verdict,
                 f"condition (d), {_named(cell)}: margin {solution.margin:.6g} ({solution.status}), {shown}",
                 min(numerical),
+                _suspects(decrease, solved),
             )
         written.append((cell.piece, cell.signs, proof.margin, grams))
         margins.append(proven)
@@ -241,7 +251,19 @@ def _certify_segment(
     margin = fmpq(math.floor(min(margins) * 2**MARGIN_BITS), 2**MARGIN_BITS)
     if not margin > 0:
         raise _NotProven(Verdict.INCONCLUSIVE, f"condition (d): margin {float(min(margins)):.3g} is too small to state")
-    return _SegmentProof(margin, min(numerical), write_steady_proof(decrease, written))
+    return _SegmentProof(margin, min(numerical), write_steady_proof(decrease, written), _suspects(decrease, solved))
+
+
+def _suspects(decrease: SteadyDecrease, solved: list[SosSolution]) -> tuple[tuple[float, ...], ...]:
+    """Deviations near which the worst cells are decided: ± the principal axis of the dual's second moments."""
+    whitening = np.array([[float(entry) for entry in row] for row in decrease.whitening])
+    points = []
+    for solution in sorted(solved, key=lambda s: s.margin)[:SUSPECT_CELLS]:
+        if solution.second_moments is not None and np.isfinite(solution.second_moments).all():
+            values, vectors = np.linalg.eigh(solution.second_moments)
+            x = whitening @ vectors[:, -1] * math.sqrt(max(values[-1], 0.0))
+            points += [tuple(x), tuple(-x)]
+    return tuple(tuple(float(entry) for entry in point) for point in points)
 
 
 def _broken_containments(problem: Problem, rounded: _RoundedFunnel) -> list[str]:

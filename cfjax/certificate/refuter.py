@@ -22,17 +22,7 @@ from cfjax.problem import Problem
 from cfjax.verdict import Verdict
 
 
-NUDGES = (
-    0.0,
-    1e-13,
-    -1e-13,
-    1e-10,
-    -1e-10,
-    1e-7,
-    -1e-7,
-    1e-5,
-    -1e-5,
-)  # relative: in or out of the set whose edge it is
+NUDGES = (0.0, 1e-13, -1e-13, 1e-10, -1e-10, 1e-7, -1e-7, 1e-5, -1e-5)  # relative: into the set or out of it
 DEPTHS = (1e-12, 1e-9, 1e-6, 1e-3, 0.5)  # into the range of θ at which a deviation lies in the shell
 X_DIGITS = 15  # significant digits of a witness
 

@@ -28,6 +28,7 @@ class SosSolution:
     margin: float
     grams: tuple[Float[np.ndarray, "k k"], ...] | None
     seconds: float
+    second_moments: Float[np.ndarray, "v v"] | None = None  # of the points that limit λ, from the dual
 
 
 def coefficients(polynomial: fmpq_mpoly) -> dict[Exponents, float]:
@@ -79,7 +80,8 @@ def solve(
     total = fall * margin
     for factor, basis, gram in zip(factors, bases, grams, strict=True):
         total = total + product_matrix(factor, basis, rows) @ cp.vec(gram, order="F")
-    problem = cp.Problem(cp.Maximize(margin), [total == goal / scale])
+    identity = total == goal / scale
+    problem = cp.Problem(cp.Maximize(margin), [identity])
     try:
         problem.solve(solver=cp.CLARABEL)
     except cp.SolverError as error:
@@ -88,4 +90,15 @@ def solve(
     if margin.value is None or any(gram.value is None for gram in grams):
         return SosSolution(str(problem.status), float("nan"), None, seconds)
     values = tuple(0.5 * (g.value + g.value.T) * scale / s for g, s in zip(grams, scales, strict=True))
-    return SosSolution(str(problem.status), float(margin.value * scale), values, seconds)
+    second = _second_moments(identity.dual_value, rows, variables)
+    return SosSolution(str(problem.status), float(margin.value * scale), values, seconds, second)
+
+
+def _second_moments(
+    dual: Float[np.ndarray, " rows"] | None, rows: dict[Exponents, int], variables: int
+) -> Float[np.ndarray, "v v"] | None:
+    """E[y yᵀ] under the measure that the dual solution stands for: it lives on the points that limit λ."""
+    if dual is None or not abs(mass := dual[rows[(0,) * variables]]) > 0:
+        return None
+    units = np.eye(variables, dtype=int)
+    return np.array([[dual[rows[tuple(int(k) for k in a + b)]] / mass for b in units] for a in units])

@@ -17,7 +17,7 @@ LARGEST_FILE = 16 * 2**20  # bytes; a circle's certificate takes about 0.2 MB
 LONGEST_NUMBER = 400  # decimal digits of a numerator or denominator
 LONGEST_TEXT = 64
 RATIONAL = re.compile(r"-?[0-9]+(/[0-9]+)?")
-TEXT = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. :-]*")
+TEXT = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_. :-]*[A-Za-z0-9_.])?")
 
 
 class Unreadable(ValueError):
