@@ -1,13 +1,26 @@
 """From a problem to a certified funnel: learner ⇄ falsifier, then certificate."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
+import numpy as np
+from jaxtyping import Float
+
+from cfjax.certificate import certify
 from cfjax.errors import InputError
-from cfjax.funnel import template_named
-from cfjax.problem import Problem
-from cfjax.result import Result
+from cfjax.falsifier import falsify
+from cfjax.funnel import Funnel, template_named
+from cfjax.learner import Learned, learn
+from cfjax.problem import Problem, Segment
+from cfjax.result import Result, SegmentResult
+from cfjax.simulation import drive_cars
+from cfjax.verdict import Verdict
 
+
+GOOD_SHARE = 0.97  # certified over falsified margin: a proof that falls further behind is worth another round
 
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
 
@@ -19,7 +32,7 @@ class Options:
     template: str = "contracting"  # or "paper"
     learner: str = "gradient"
     beta_lower: float = 0.9  # shell [beta_lower, 1] on which V has to decrease
-    restarts: int = 16
+    restarts: int = 4
     seed: int = 0
     rounds: int = 3  # of the learn–certify loop, at most
     cars: int = 10_000  # driven through the funnel; 0 for none
@@ -36,5 +49,115 @@ class Options:
 
 
 def synthesize(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
-    """Find a control funnel function with the largest margin λ, and prove it."""
-    raise NotImplementedError
+    """Find a control funnel function with the largest margin λ, prove it, and drive cars through it.
+
+    Learn, certify, and where the proof falls short of what the falsifier could not refute, learn again from the points
+    that stood in the way. The best certified funnel is what is returned. `inconclusive` is no proof that none exists.
+
+    Raises:
+        InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
+    """
+    started = time.perf_counter()
+    search = _Search(problem, options, progress or (lambda stage, done, of: None))
+    result = search.run()
+    loop = None
+    if result.verdict is Verdict.CERTIFIED and options.cars:
+        with search.timed("simulate"):
+            # one segment: the certifier refuses chains until their links are proven
+            found, segment = result.segments[0], problem.path.segments[0]
+            margin = found.margin_certified or 0.0
+            loop = drive_cars(problem, segment, found.funnel, margin, cars=options.cars, seed=options.seed)
+            search.progress("simulate", 1, 1)
+    seconds = {**search.seconds, "total": time.perf_counter() - started}
+    return result.replace(closed_loop=loop, seconds=seconds)
+
+
+class _Search:
+    """The learn–certify loop of one problem, with its clock and its history."""
+
+    def __init__(self, problem: Problem, options: Options, progress: Progress) -> None:
+        self.problem, self.options, self.progress = problem, options, progress
+        self.template = template_named(options.template)
+        self.seconds = {"learn": 0.0, "certify": 0.0, "simulate": 0.0}
+        self.history: list[dict[str, float]] = []
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] += time.perf_counter() - start
+
+    def run(self) -> Result:
+        segment = self.problem.path.segments[0]
+        best: Result | None = None
+        warm: Funnel | None = None
+        suspects: Float[np.ndarray, "k n"] | None = None
+        for round_ in range(self.options.rounds):
+            learned = self._learn(segment, round_, warm, suspects)
+            if learned is None:
+                result = self._result(Verdict.INCONCLUSIVE, "no candidate satisfies (a), (b) and (c)")
+            elif learned.margin <= 0:
+                message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
+                result = self._result(Verdict.INCONCLUSIVE, message, learned.funnel, learned.margin)
+            else:
+                result, suspects = self._certify(segment, learned)
+                warm = learned.funnel
+            best = result if best is None else max(best, result, key=_rank)
+            certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
+            self.history.append(
+                {
+                    "falsified": falsified,
+                    "certified": certified,
+                    "counterexamples": 0 if suspects is None else len(suspects),
+                }
+            )
+            if certified and certified >= GOOD_SHARE * falsified:
+                break
+        assert best is not None
+        return best.replace(iterations=len(self.history), history=tuple(self.history))
+
+    def _learn(
+        self, segment: Segment, round_: int, warm: Funnel | None, suspects: Float[np.ndarray, "k n"] | None
+    ) -> Learned | None:
+        with self.timed("learn"):
+            return learn(
+                self.problem,
+                segment,
+                self.template,
+                beta_lower=self.options.beta_lower,
+                candidates=self.options.restarts,
+                seed=self.options.seed + 1000 * round_,
+                warm=warm,
+                counterexamples=suspects,
+                progress=lambda done, of: self.progress("learn", done, of),
+            )
+
+    def _certify(self, segment: Segment, learned: Learned) -> tuple[Result, Float[np.ndarray, "k n"]]:
+        """Certify, and falsify what was certified: rounding has moved it a little."""
+        with self.timed("certify"):
+            found = certify(
+                self.problem, [learned.funnel], progress=self.progress, workers=len(os.sched_getaffinity(0))
+            )
+        with self.timed("learn"):
+            funnel = found.funnels[0] if found.funnels else learned.funnel
+            worst = {point.condition: point for point in falsify(self.problem, segment, funnel, seed=self.options.seed)}
+        margin = min(worst["d"].slack, learned.margin) if funnel is learned.funnel else worst["d"].slack
+        result = self._result(found.verdict, found.message, funnel, margin)
+        if found.verdict is Verdict.CERTIFIED and found.margins:
+            sos = found.numerical_margins[0]
+            segments = (replace(result.segments[0], margin_certified=found.margins[0], margin_sos=sos),)
+            result = result.replace(segments=segments, document=found.document)
+        suspects = np.array([worst["d"].x, *found.suspects])
+        return result, suspects
+
+    def _result(
+        self, verdict: Verdict, message: str, funnel: Funnel | None = None, margin: float = float("nan")
+    ) -> Result:
+        segments = (SegmentResult(funnel, margin),) if funnel is not None else ()
+        return Result(verdict, message, self.problem, segments)
+
+
+def _rank(result: Result) -> tuple[float, float]:
+    return result.margin_certified or 0.0, result.margin_falsified or 0.0

@@ -112,7 +112,7 @@ class Config:
     template: str = "contracting"  # or paper
     learner: str = "gradient"
     beta_lower: float = 0.9
-    restarts: int = 16
+    restarts: int = 4
     rounds: int = 3
     seed: int = 0
     cars: int = 10_000
