@@ -163,7 +163,9 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
 def summary(result: "Result") -> str:
     """A few lines for people."""
     problem, loop = result.problem, result.closed_loop
-    lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}: {result.message}"]
+    lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}"]
+    if result.margin_certified is None:  # otherwise it is the checker's whole account, and stands in result.json
+        lines.append(result.message)
     if result.margin_falsified is not None:
         proven = "nothing proven" if (margin := result.margin_certified) is None else f"{margin:.4g} 1/s proven"
         lines.append(f"margin: {proven}; the falsifier found no less than {result.margin_falsified:.4g} 1/s")

@@ -13,6 +13,7 @@ from omegaconf import MISSING
 
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Path, Vehicle, circle, straight
+from cfjax.synthesis import Options
 
 
 @dataclass
@@ -109,13 +110,13 @@ class Config:
     sets: SetsConfig = field(default_factory=SetsConfig)
     method: str = "pf"  # or tt
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # u0 of path following
-    template: str = "contracting"  # or paper
-    learner: str = "gradient"
-    beta_lower: float = 0.9
-    restarts: int = 4
-    rounds: int = 3
-    seed: int = 0
-    cars: int = 10_000
+    template: str = Options.template  # contracting or paper
+    learner: str = Options.learner
+    beta_lower: float = Options.beta_lower
+    restarts: int = Options.restarts
+    rounds: int = Options.rounds
+    seed: int = Options.seed
+    cars: int = Options.cars
     logger: str = "none"  # or wandb
     wandb: WandbConfig = field(default_factory=WandbConfig)
 

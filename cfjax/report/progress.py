@@ -36,10 +36,10 @@ class _Bars:
 class _Lines:
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._begun: dict[str, float] = {}
+        self._before = time.monotonic()  # a stage that speaks up only at its end began when the one before it ended
 
     def __call__(self, stage: str, done: int, of: int) -> None:
-        begun = self._begun.setdefault(stage, time.monotonic())
         if done >= of:
-            del self._begun[stage]
-            print(f"{stage}: {done} of {of}, {time.monotonic() - begun:.1f} s", file=self._console.file, flush=True)
+            now = time.monotonic()
+            print(f"{stage}: {done} of {of}, {now - self._before:.1f} s", file=self._console.file, flush=True)
+            self._before = now

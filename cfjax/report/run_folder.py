@@ -75,8 +75,9 @@ def write_run(
         start = time.perf_counter()
         _draw(picture, folder / PICTURE)
         seconds["plot"] = time.perf_counter() - start
-    total = result.seconds.get("total", 0.0) + time.perf_counter() - begin
-    result = result.replace(seconds={**result.seconds, **seconds, "total": total})
+    stages = {**result.seconds, **seconds}
+    total = stages.pop("total", 0.0) + time.perf_counter() - begin
+    result = result.replace(seconds={**stages, "total": total})
     write_whole(folder / RESULT, (json.dumps(result_json(result), indent=2, allow_nan=False) + "\n").encode())
     return result
 

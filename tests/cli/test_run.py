@@ -2,6 +2,10 @@
 
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -140,3 +144,31 @@ def test_sweep_survives_a_crash(
     crashed, good = _sweep(tmp_path)
     assert (crashed["verdict"], crashed["message"], good["verdict"]) == ("crashed", "out of luck", "inconclusive")
     assert "Traceback" in capfd.readouterr().err
+
+
+SLEEPER = """
+import sys, time
+import cfjax.synthesis, cfjax.train
+cfjax.synthesis.synthesize = lambda *_: (print("asleep", flush=True), time.sleep(100))
+sys.argv = ["train", "+path=circle", "hydra.run.dir=here"]
+sys.exit(cfjax.train.main())
+"""
+
+
+def test_interrupt_of_a_real_process(tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(Path(cfjax.train.__file__).parents[1])}
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLEEPER],
+        cwd=tmp_path,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "asleep\n"
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (130, "interrupted\n")
+    assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra"}
