@@ -19,6 +19,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 from jaxtyping import Array, Float
 
 from cfjax.funnel import Template
@@ -29,6 +30,7 @@ from cfjax.problem import Vehicle, affine_deviation
 ROUNDING = 0.1  # of |b_i|, per particle step and scale of the margin
 PENALTY = 0.5  # of a hinge of (a)–(c), in units of the scale: much larger and the hinges' kicks stall Adam
 SLACK = 1e-4  # relative, to which the hinges keep off
+ADAM = optax.scale_by_adam(b1=0.9, b2=0.99, eps=1e-12)
 RIDGE_SHARE = 0.6  # of the particles that are held on each ridge
 
 
@@ -151,23 +153,21 @@ def _run(
         ratio = jnp.where(first > 0, last / jnp.where(first > 0, first, 1.0), 1.0)
         return first * ratio ** (i / schedule.steps)
 
-    def body(i: Array, carry: tuple[Array, ...]) -> tuple[Array, ...]:
-        factor, change, mean, square, points = carry
+    def body(i: Array, carry: tuple) -> tuple:
+        factor, change, adam, points = carry
         temperature, step = now(schedule.temperature, i), now(schedule.step, i)
         learning_rate = now(schedule.learning_rate, i) * jnp.minimum(1.0, i / 20)
         zero = jnp.zeros(len(lower[0]) + 1)
         gradient, down = jax.grad(loss, (0, 1))(zero, points, factor, change, temperature, ROUNDING * step * scale)
         down = down * free
         points = _normalised(points + step * down / (jnp.linalg.norm(down, axis=1, keepdims=True) + 1e-200))
-        mean, square = 0.9 * mean + 0.1 * gradient, 0.99 * square + 0.01 * gradient**2  # Adam
-        unbiased, spread = mean / (1 - 0.9 ** (i + 1.0)), square / (1 - 0.99 ** (i + 1.0))
-        move = learning_rate * unbiased / (jnp.sqrt(spread) + 1e-12)
+        direction, adam = ADAM.update(gradient, adam)
+        move = learning_rate * direction
         change = jnp.where(learning_rate > 0, jnp.clip(change - move[-1], *instance.change_bounds), change)
-        return factor - factor @ triangle(move), change, mean, square, points
+        return factor - factor @ triangle(move), change, adam, points
 
-    zero = jnp.zeros(len(lower[0]) + 1)
-    start = (factor, change, zero, zero, points)
-    factor, change, _, _, points = jax.lax.fori_loop(0, schedule.steps, body, start)
+    start = (factor, change, ADAM.init(jnp.zeros(len(lower[0]) + 1)), points)
+    factor, change, _, points = jax.lax.fori_loop(0, schedule.steps, body, start)
     return factor, change, points, margins(factor, change, points, 0.0)
 
 

@@ -1,0 +1,129 @@
+"""The paper's straight and circle rows, both methods, both templates: margins found, certified, and the paper's verdict.
+
+    python experiments/paper_table.py [--output FOLDER] [--only TEXT] [--cars N]
+
+Prints one table and writes it as paper_table.csv and paper_table.md. "Best before" are the best falsified margins of
+the trials that preceded this implementation (shell [0.9, 1], u0 ∈ [0.5, 2]).
+"""
+
+import argparse
+import csv
+import math
+import time
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from cfjax.conf import options_of, preset, problem_of
+from cfjax.report.paper_rows import agreement, paper_found
+from cfjax.synthesis import synthesize
+
+
+# preset, speed key or None, best falsified margin before (1/s): (PF, TT) of the paper's template, of the contracting one
+ROWS: dict[str, tuple[str, float | None, tuple[float | None, float | None], tuple[float, float]]] = {
+    "straight": ("straight", None, (0.20, None), (2.29, 1.50)),
+    "straight_long": ("straight_long", None, (0.31, 0.08), (2.54, 2.06)),
+    "straight_restricted": ("straight_restricted", None, (0.28, None), (2.62, 0.42)),
+    "circle, π/2 m/s": ("circle", math.pi / 2, (0.38, 0.14), (2.54, 1.76)),
+    "circle, π m/s": ("circle", math.pi, (0.82, 0.17), (4.82, 2.30)),
+    "circle, 10π m/s": ("circle", 10 * math.pi, (8.56, 1.75), (13.7, 10.4)),
+}
+TEMPLATES = ("paper", "contracting")
+METHODS = ("pf", "tt")
+
+
+@dataclass(frozen=True)
+class Line:
+    """One run; margins in 1/s, empty where there is none."""
+
+    row: str
+    template: str
+    method: str
+    verdict: str
+    best_before: float | None
+    falsified: float | None
+    certified: float | None
+    certified_share: float | None  # of the falsified margin
+    cars_lost: int | None  # left the funnel or S, or missed G
+    paper: str
+    agreement: str
+    seconds: float
+
+
+def cases() -> list[tuple[str, str, str]]:
+    """All (row, template, method), in the order of the table."""
+    return [(row, template, method) for row in ROWS for template in TEMPLATES for method in METHODS]
+
+
+def best_before(row: str, template: str, method: str) -> float | None:
+    """The best falsified margin known before, 1/s; None where none was found."""
+    return ROWS[row][2 if template == "paper" else 3][METHODS.index(method)]
+
+
+def run(row: str, template: str, method: str, cars: int) -> Line:
+    """Synthesise and prove one line of the table."""
+    name, speed, *_ = ROWS[row]
+    overrides = [f"method={method}", f"template={template}", f"cars={cars}"]
+    overrides += [f"path.speed={speed!r}"] if speed is not None else []
+    config, start = preset(name, overrides), time.perf_counter()
+    problem = problem_of(config)
+    result = synthesize(problem, options_of(config))
+    found = paper_found(problem, problem_of(preset(name)))
+    certified, falsified, loop = result.margin_certified, result.margin_falsified, result.closed_loop
+    return Line(
+        row=row,
+        template=template,
+        method=method,
+        verdict=result.verdict.value,
+        best_before=best_before(row, template, method),
+        falsified=falsified,
+        certified=certified,
+        certified_share=certified / falsified if certified and falsified else None,
+        cars_lost=max(loop.left_funnel, loop.left_safe, loop.missed_goal) if loop else None,
+        paper={True: "found", False: "not found", None: "–"}[found],
+        agreement=agreement(result.verdict, found),
+        seconds=time.perf_counter() - start,
+    )
+
+
+def markdown(lines: list[Line]) -> str:
+    """The table for the documentation."""
+
+    def cell(value: object) -> str:
+        return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+    names = [field.name for field in fields(Line) if field.name != "seconds"]
+    rows = [" | ".join(cell(getattr(line, name)) for name in names) for line in lines]
+    head = [" | ".join(name.replace("_", " ") for name in names), " | ".join("---" for _ in names)]
+    return "\n".join(f"| {row} |" for row in [*head, *rows]) + "\n"
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=Path("outputs/paper_table"), help="folder of the two files")
+    parser.add_argument("--only", default="", help="rows, templates and methods that contain this text")
+    parser.add_argument("--cars", type=int, default=10_000, help="cars driven through each funnel")
+    arguments = parser.parse_args()
+    lines = []
+    for case in cases():
+        if arguments.only in " ".join(case):
+            line = run(*case, arguments.cars)
+            lines.append(line)
+            print(
+                f"{line.row:20} {line.template:12} {line.method}  {line.verdict:12} "
+                f"falsified {line.falsified:8.4f}  certified {line.certified or math.nan:8.4f}  "
+                f"lost {line.cars_lost}  {line.seconds:5.1f} s",
+                flush=True,
+            )
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    with (arguments.output / "paper_table.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(Line)])
+        writer.writeheader()
+        writer.writerows(asdict(line) for line in lines)
+    text = markdown(lines)
+    (arguments.output / "paper_table.md").write_text(text)
+    print(f"\n{text}\nwritten to {arguments.output}")
+
+
+if __name__ == "__main__":
+    main()
