@@ -53,7 +53,8 @@ def main() -> int:
 def measure(overrides: list[str], cache: Path, folder: Path) -> dict[str, float]:
     """Seconds per stage and MB of one run in a new process."""
     report = folder.with_suffix(".json")
-    environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(cache), REPORT: str(report)}
+    package = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": package, "JAX_COMPILATION_CACHE_DIR": str(cache), REPORT: str(report)}
     command = [sys.executable, __file__, *overrides, f"hydra.run.dir={folder}"]
     begin = time.perf_counter()
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

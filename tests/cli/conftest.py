@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import absl.logging
 import pytest
 
 import cfjax.synthesis
@@ -34,6 +35,8 @@ def train(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]
     for name, value in dict(os.environ).items():
         monkeypatch.setenv(name, value)  # puts back what the command sets
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    # Hydra shuts down all log handlers, and absl's closes the stream that stderr was when optax was imported: pytest's
+    monkeypatch.setattr(absl.logging.get_absl_handler().python_handler, "stream", sys.__stderr__)
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> int:
