@@ -45,11 +45,15 @@ class Checks(Callback):
         from cfjax.report.run_folder import refuse_finished
 
         Checks.composed = True
+        folder = Path(config.hydra.run.dir)
         try:
             _question(config)
-            refuse_finished(Path(config.hydra.run.dir))
+            refuse_finished(folder)
+            folder.mkdir(parents=True, exist_ok=True)
         except InputError as error:
             raise Refusal(str(error)) from error
+        except OSError as error:
+            raise Refusal(f"hydra.run.dir: cannot make {folder} ({error.strerror})") from error
 
     def on_multirun_start(self, config: "DictConfig", **_: Any) -> None:
         Checks.composed = True
@@ -80,12 +84,16 @@ def prepare_environment() -> None:
 
 def _main() -> int:
     import hydra
+    from hydra._internal.utils import get_args_parser
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
     from cfjax.conf import one_line
     from cfjax.errors import InputError
 
+    _, unknown = get_args_parser().parse_known_args()
+    if unknown:
+        return _refuse(f"expected key=value or a flag of --help, got {' '.join(unknown)}")
     results: list[Result] = []
 
     @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
@@ -152,7 +160,7 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
     refuse_finished(folder)
     with progress_on() as progress:
         result = synthesize(problem, options, progress)
-    result = write_run(result, folder, yaml_of(config), lambda path: _draw(result, path))
+    result = write_run(result, folder, yaml_of(config), _draw)
     if config.logger == "wandb":
         track(result, config, folder)
     print(summary(result))

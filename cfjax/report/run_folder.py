@@ -54,13 +54,13 @@ def write_run(
     result: Result,
     folder: Path,
     config_yaml: str,
-    picture: Callable[[Path], None] | None = None,
+    picture: Callable[[Result, Path], None] | None = None,
     check: Check = check_file,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
-    A result whose certificate the checker does not accept comes back `inconclusive`. `picture` draws funnel.png at
-    the path that it is given; if it fails, that is said on stderr and the run stands.
+    A result whose certificate the checker does not accept comes back `inconclusive`. `picture` draws funnel.png of
+    the result as it stands after the check; if it fails, that is said on stderr and the run stands.
     """
     refuse_finished(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -73,7 +73,7 @@ def write_run(
     write_whole(folder / CONFIG, config_yaml.encode())
     if picture is not None:
         start = time.perf_counter()
-        _draw(picture, folder / PICTURE)
+        _draw(picture, result, folder / PICTURE)
         seconds["plot"] = time.perf_counter() - start
     stages = {**result.seconds, **seconds}
     total = stages.pop("total", 0.0) + time.perf_counter() - begin
@@ -124,10 +124,10 @@ def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
     return result.replace(verdict=verdict, message=message, segments=segments, document=None)
 
 
-def _draw(picture: Callable[[Path], None], path: Path) -> None:
+def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:
     draft = path.with_name(f".part-{path.name}")  # keeps the suffix, which says what to draw
     try:
-        picture(draft)
+        picture(result, draft)
         os.replace(draft, path)
     except Exception as error:
         print(f"warning: {path.name} could not be drawn ({type(error).__name__}: {error})", file=sys.stderr)

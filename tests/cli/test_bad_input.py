@@ -55,6 +55,8 @@ CASES = [
     (["+path=circle", "cars=-1"], "cars: expected a whole number of at least 0, got -1"),
     (["+path=circle", "logger=paper"], "logger: expected one of none, wandb, got paper"),
     (["+path=circle", "wandb.mode=on"], "wandb.mode: expected one of offline, online, disabled, got on"),
+    (["+path=circle", "--method", "tt"], "expected key=value or a flag of --help, got --method"),
+    (["+path=circle", "hydra.run.dir=/dev/null/run"], "hydra.run.dir: cannot make /dev/null/run (Not a directory)"),
     (["-m", "+path=circle", "path.speed=1,fast"], "path.speed: Value 'fast' of type 'str'"),
     (
         ["-m", "+path=circle,nope"],

@@ -110,7 +110,15 @@ def test_what_the_checker_does_not_accept_claims_nothing(
     hand_made: Make, verdict: Verdict, check: Check, tmp_path: Path
 ) -> None:
     claimed = hand_made(problem_of(preset("circle")), **{**CLAIMS, "verdict": verdict})
-    written = write_run(claimed, tmp_path / "run", yaml_of(preset("circle")), check=check)
+    drawn: list[Verdict] = []
+    written = write_run(
+        claimed,
+        tmp_path / "run",
+        yaml_of(preset("circle")),
+        lambda result, path: drawn.append(result.verdict),
+        check=check,
+    )
+    assert drawn == [Verdict.INCONCLUSIVE]  # the picture, too, says only what the checker accepted
     assert written.verdict is Verdict.INCONCLUSIVE
     assert "did not accept" in written.message
     assert not (tmp_path / "run" / "certificate.json").exists()
