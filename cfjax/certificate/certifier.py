@@ -96,7 +96,7 @@ def certify(
             )
     graph = trace_deviation(problem.vehicle)
     clock = {"sos": 0.0, "exact": 0.0}
-    rounded = [_RoundedFunnel.of(funnel, segment) for funnel, segment in zip(funnels, segments, strict=True)]
+    rounded = [round_funnel(funnel, segment) for funnel, segment in zip(funnels, segments, strict=True)]
     found: list[_SegmentProof] = []
     try:
         for funnel, segment in zip(rounded, segments, strict=True):
@@ -121,9 +121,11 @@ def certify(
     report = check_document(json.loads(dump(document)))
     clock["exact"] += time.perf_counter() - started
     proven = report.outcome is Outcome.PROVEN
+    hinted = sum(proof.hinted for proof in found)
+    note = f" ({hinted} cells from inaccurate solutions: the exact replay does not mind)" if hinted else ""
     return Certification(
         Verdict.CERTIFIED if proven else Verdict.INCONCLUSIVE,
-        report.message if proven else f"the checker does not accept the certificate: {report.message}",
+        report.message + note if proven else f"the checker does not accept the certificate: {report.message}",
         funnels=tuple(funnel.funnel for funnel in rounded),
         document=document if proven else None,
         margins=tuple(float_below(proof.margin) for proof in found) if proven else None,
@@ -134,7 +136,7 @@ def certify(
 
 
 @dataclass(frozen=True)
-class _RoundedFunnel:
+class RoundedFunnel:
     """A funnel whose numbers are short rationals and floating-point numbers at once."""
 
     funnel: Funnel
@@ -143,19 +145,20 @@ class _RoundedFunnel:
     beta_lower: fmpq
     duration: fmpq
 
-    @classmethod
-    def of(cls, funnel: Funnel, segment: Segment) -> "_RoundedFunnel":
-        shape, rate = round_shape(funnel.shape), round_rate(funnel.rate)
-        same = replace(
-            funnel,
-            shape=np.array([[float(entry) for entry in row] for row in shape]),
-            rate=float(rate),
-            duration=segment.duration,
-        )
-        return cls(same, shape, rate, rational(float(funnel.beta_lower)), rational(float(segment.duration)))
-
     def write(self, margin: fmpq) -> dict[str, Any]:
         return write_funnel(self.funnel.template.name, self.shape, self.rate, self.beta_lower, margin)
+
+
+def round_funnel(funnel: Funnel, segment: Segment) -> RoundedFunnel:
+    """C and rate moved by about a part in 1e9; the duration is the segment's."""
+    shape, rate = round_shape(funnel.shape), round_rate(funnel.rate)
+    same = replace(
+        funnel,
+        shape=np.array([[float(entry) for entry in row] for row in shape]),
+        rate=float(rate),
+        duration=segment.duration,
+    )
+    return RoundedFunnel(same, shape, rate, rational(float(funnel.beta_lower)), rational(float(segment.duration)))
 
 
 @dataclass(frozen=True)
@@ -164,9 +167,10 @@ class _SegmentProof:
     numerical: float
     hints: dict[str, Any]
     suspects: tuple[tuple[float, ...], ...]
+    hinted: int  # cells whose solution was only a hint
 
 
-def steady_decrease(problem: Problem, segment: Segment, rounded: _RoundedFunnel, graph: Graph) -> SteadyDecrease:
+def steady_decrease(problem: Problem, segment: Segment, rounded: RoundedFunnel, graph: Graph) -> SteadyDecrease:
     """What has to be shown for (d) on a steady segment, with proven enclosures on the funnel's range.
 
     Raises:
@@ -208,7 +212,7 @@ def steady_decrease(problem: Problem, segment: Segment, rounded: _RoundedFunnel,
 def _certify_segment(
     problem: Problem,
     segment: Segment,
-    rounded: _RoundedFunnel,
+    rounded: RoundedFunnel,
     graph: Graph,
     progress: Progress | None,
     workers: int,
@@ -230,7 +234,7 @@ def _certify_segment(
         clock["sos"] += solution.seconds
         numerical.append(solution.margin)
         solved.append(solution)
-        if solution.grams is None:
+        if solution.grams is None or solution.status not in USABLE + HINT_ONLY:
             raise _NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {_named(cell)}: {solution.status}")
         started = time.perf_counter()
         proof, grams, proven = _exact_proof(decrease, cell, solution)
@@ -251,7 +255,9 @@ def _certify_segment(
     margin = fmpq(math.floor(min(margins) * 2**MARGIN_BITS), 2**MARGIN_BITS)
     if not margin > 0:
         raise _NotProven(Verdict.INCONCLUSIVE, f"condition (d): margin {float(min(margins)):.3g} is too small to state")
-    return _SegmentProof(margin, min(numerical), write_steady_proof(decrease, written), _suspects(decrease, solved))
+    hinted = sum(solution.status in HINT_ONLY for solution in solved)
+    hints = write_steady_proof(decrease, written)
+    return _SegmentProof(margin, min(numerical), hints, _suspects(decrease, solved), hinted)
 
 
 def _suspects(decrease: SteadyDecrease, solved: list[SosSolution]) -> tuple[tuple[float, ...], ...]:
@@ -266,7 +272,7 @@ def _suspects(decrease: SteadyDecrease, solved: list[SosSolution]) -> tuple[tupl
     return tuple(tuple(float(entry) for entry in point) for point in points)
 
 
-def _broken_containments(problem: Problem, rounded: _RoundedFunnel) -> list[str]:
+def _broken_containments(problem: Problem, rounded: RoundedFunnel) -> list[str]:
     def exact(values: Sequence[float]) -> list[fmpq]:
         return [rational(float(value)) for value in values]
 

@@ -14,7 +14,7 @@ from cfjax.check.enclosure import Enclosure, UnaryEnclosure, proven_bound
 # with sin to the third and cos to the fourth power, V̇ is of degree six: what the sums of squares are made for
 DEGREES = {"sin": 3, "cos": 4, "tan": 3, "inv": 3}
 FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "inv": np.reciprocal}
-PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}  # about 0
+PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}
 SAMPLES = 64  # Chebyshev nodes
 WIDENING = fmpq(1, 1000)  # of the range, so that it stays valid under small changes of the funnel
 RANGE_BITS = 16
@@ -39,11 +39,10 @@ def fit(function: str, lower: fmpq, upper: fmpq) -> tuple[fmpq, ...]:
     """Coefficients (ascending) of a nearly best polynomial, short dyadic rationals."""
     low, high = float(lower), float(upper)
     if function == "inv" and low <= 0 <= high:
-        raise ValueError("division by an expression that may be zero in the funnel")
+        raise ValueError("inv has a pole in the range of its argument: division by what may be zero in the funnel")
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
-    values = FUNCTIONS[function](nodes)
-    series = Chebyshev.fit(nodes, values, DEGREES[function], domain=[low, high])
-    power = series.convert(kind=Polynomial).coef
+    series = Chebyshev.fit(nodes, FUNCTIONS[function](nodes), DEGREES[function], domain=[low, high])
+    fitted = series.convert(kind=Polynomial).coef
     if lower == -upper:
-        power = [c if k % 2 == PARITY[function] else 0.0 for k, c in enumerate(power)]
-    return tuple(dyadic(c, COEFFICIENT_BITS) for c in power)
+        fitted = [c if k % 2 == PARITY[function] else 0.0 for k, c in enumerate(fitted)]
+    return tuple(dyadic(c, COEFFICIENT_BITS) for c in fitted)

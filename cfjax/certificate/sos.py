@@ -7,7 +7,9 @@ Find the largest λ and positive semidefinite Q with
 in CVXPY with Clarabel. What comes back is a hint for the exact half (`cfjax.check.decrease`), never a proof.
 """
 
+import threading
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,13 +22,16 @@ from jaxtyping import Float
 from cfjax.check.decrease import Exponents, monomials
 
 
+_CVXPY = threading.Lock()  # it numbers its variables by a counter that threads may not share
+
+
 @dataclass(frozen=True)
 class SosSolution:
     """What the solver said: `status` is CVXPY's; margin and Gram matrices (or None) are numerical hints."""
 
     status: str
     margin: float
-    grams: tuple[Float[np.ndarray, "k k"], ...] | None
+    grams: tuple[Float[np.ndarray, "_ _"], ...] | None
     seconds: float
     second_moments: Float[np.ndarray, "v v"] | None = None  # of the points that limit λ, from the dual
 
@@ -75,15 +80,20 @@ def solve(
         scales.append(max(map(abs, table.values())))
         factors.append({e: c / scales[-1] for e, c in table.items()})
     scale = np.abs(goal).max()
-    margin = cp.Variable()
-    grams = [cp.Variable((len(basis), len(basis)), PSD=True) for basis in bases]
-    total = fall * margin
-    for factor, basis, gram in zip(factors, bases, grams, strict=True):
-        total = total + product_matrix(factor, basis, rows) @ cp.vec(gram, order="F")
-    identity = total == goal / scale
-    problem = cp.Problem(cp.Maximize(margin), [identity])
+    with _CVXPY:
+        margin = cp.Variable()
+        grams = [cp.Variable((len(basis), len(basis)), PSD=True) for basis in bases]
+        total = fall * margin
+        for factor, basis, gram in zip(factors, bases, grams, strict=True):
+            total = total + product_matrix(factor, basis, rows) @ cp.vec(gram, order="F")
+        identity = total == goal / scale
+        problem = cp.Problem(cp.Maximize(margin), [identity])
+        data, chain, inverse = problem.get_problem_data(cp.CLARABEL, solver_opts={})
     try:
-        problem.solve(solver=cp.CLARABEL)
+        answer = chain.solve_via_data(problem, data)  # Clarabel alone: other threads go on
+        with _CVXPY, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # "may be inaccurate": the status says so
+            problem.unpack_results(answer, chain, inverse)
     except cp.SolverError as error:
         return SosSolution(f"error: {error}", float("nan"), None, time.perf_counter() - started)
     seconds = time.perf_counter() - started

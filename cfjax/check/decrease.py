@@ -11,8 +11,8 @@ of one vertex u of the input box. On a cell
 
     p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
-where |F_u − p_u| ≤ ε is the enclosure of sin and cos, every Q is positive definite and r, what rounding left over, is a
-polynomial: on a ball that holds the funnel |r| ≤ bound, and so F_u ≥ λ drop − bound ≥ (λ − bound / least drop) drop.
+where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos, every Q is positive definite and r, what rounding left over,
+is a polynomial. On a ball that holds the funnel |r| ≤ bound, so F_u ≥ λ drop − bound ≥ (λ − bound / least drop) drop.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
-from cfjax.check.rational import exp_bounds, is_positive_definite
+from cfjax.check.rational import exp_bounds, is_positive_definite, sqrt_upper
 
 
 Matrix = Sequence[Sequence[fmpq]]
@@ -207,10 +207,13 @@ class SteadyDecrease:
         return piece.drop[0] + piece.drop[1] * self.form
 
     def target(self, cell: Cell) -> fmpq_mpoly:
-        """p_u − ε: a polynomial that is nowhere on the ball above F_u."""
+        """p_u − ε(y): a polynomial that is nowhere on the ball above F_u."""
         rate = self.form_rates[cell.vertex]
         u0 = dict(zip(self.inputs, cell.vertex, strict=True))["u0"]
-        return -(rate.polynomial + self.timing(self.pieces[cell.piece]) * u0) - rate.remainder
+        piece = self.pieces[cell.piece]
+        # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q
+        remainder = rate.remainder_polynomial(sqrt_upper(piece.lower))
+        return -(rate.polynomial + self.timing(piece) * u0) - remainder
 
     def constraints(self, cell: Cell) -> list[fmpq_mpoly]:
         """Polynomials that are not negative on the cell: ± s_i, q − q_lo, q_hi − q."""

@@ -85,8 +85,8 @@ class FunnelClaim:
 class SteadyHints:
     """What the prover found for condition (d) on a steady segment; nothing of it is believed.
 
-    `enclosures` gives (function, coefficients, lower, upper, bound) by node, `cells` (margin, Gram matrices) by level
-    piece and signs.
+    `enclosures` gives (function, coefficients, lower, upper, bound) by node, `cells` (margin, Gram matrices) by
+    level piece and signs.
     """
 
     whitening: Matrix
@@ -268,7 +268,9 @@ def _steady_hints(item: Item, problem: ProblemClaim) -> SteadyHints:
         by_node[node] = (
             fields[1].text(),
             tuple(value.rational() for value in fields[2].items(MOST_COEFFICIENTS)),
-            *(value.rational() for value in fields[3:]),
+            fields[3].rational(),
+            fields[4].rational(),
+            fields[5].rational(),
         )
     for entry in cells.items(MOST_CELLS):
         piece, signs, margin, grams = entry.record("piece", "signs", "margin", "grams")

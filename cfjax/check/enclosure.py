@@ -1,10 +1,15 @@
 """Polynomials with a remainder: the arithmetic in which sin and cos become polynomials without an error unpaid.
 
-An `Enclosure` of f on the ball {|y|² ≤ r²} is a polynomial p(y) and a rational ε with |f(y) − p(y)| ≤ ε there. Sums and
-products carry ε along with proven bounds on the polynomials; a function of one variable is replaced by a polynomial on
-a proven range of its argument (`UnaryEnclosure`), whose bound arb balls establish.
+An `Enclosure` of f on the ball {|y| ≤ r} is a polynomial p(y) and rationals ε₀, ε₁, ε₂ ≥ 0 with
+
+    |f(y) − p(y)| ≤ ε₀ + ε₁ |y| + ε₂ |y|²      on the ball:
+
+what is exact at the centre may stay so, and costs little where the funnel is narrow. Sums and products carry the ε
+along with proven bounds on the polynomials; a function of one variable is replaced by a polynomial on a proven range of
+its argument (`UnaryEnclosure`), whose bound arb balls establish.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -18,6 +23,9 @@ SERIES_ORDER = 8  # Taylor terms on each: the last one is evaluated on the whole
 LARGEST_EFFORT = 30_000_000  # products of coefficients; the circle's proof takes about a million
 LARGEST_DEGREE = 40
 LONGEST_COEFFICIENT = 20_000  # bits
+
+Remainder = tuple[fmpq, fmpq, fmpq]  # ε₀, ε₁, ε₂
+NO_REMAINDER: Remainder = (fmpq(0), fmpq(0), fmpq(0))
 
 
 @dataclass(frozen=True)
@@ -52,15 +60,11 @@ def proven_bound(function: str, coefficients: tuple[fmpq, ...], lower: fmpq, upp
     half = (upper - lower) / (2 * SUBINTERVALS)
     worst = arb(0)
     for middle, over_interval in _subintervals(function, lower, upper):
-        at_middle = _taylor(function, arb(middle))
         shifted = polynomial(fmpq_poly([middle, 1]))
-        total = arb(0)
-        for order in range(max(SERIES_ORDER, shifted.degree() + 1)):
-            taylor = at_middle[order] if order < SERIES_ORDER - 1 else over_interval[-1]
-            if order >= SERIES_ORDER:
-                taylor = arb(0)
-            total += abs(taylor - arb(shifted[order])) * arb(half) ** order
-        worst = worst.max(total)
+        taylor = [*_taylor(function, arb(middle))[:-1], over_interval[-1]]
+        taylor += [arb(0)] * (shifted.degree() + 1 - SERIES_ORDER)
+        terms = (abs(ball - arb(shifted[k])) * arb(half) ** k for k, ball in enumerate(taylor))
+        worst = worst.max(sum(terms, arb(0)))
     return upper_bound(worst)
 
 
@@ -120,10 +124,10 @@ class Domain:
     budget: Budget = field(default_factory=Budget, compare=False, repr=False)
 
     def constant(self, value: fmpq) -> "Enclosure":
-        return Enclosure(self, self.ring.constant(value), fmpq(0))
+        return Enclosure(self, self.ring.constant(value))
 
     def exact(self, polynomial: fmpq_mpoly) -> "Enclosure":
-        return Enclosure(self, polynomial, fmpq(0))
+        return Enclosure(self, polynomial)
 
     def product(self, first: fmpq_mpoly, second: fmpq_mpoly) -> fmpq_mpoly:
         """first · second, paid for out of the budget.
@@ -139,23 +143,41 @@ class Domain:
         self.budget.spend(len(first) * len(second) * (1 + length // 512))
         return first * second
 
-    def bound(self, polynomial: fmpq_mpoly) -> fmpq:
-        """A rational that is at least max |polynomial| over the ball: Cauchy–Schwarz on each homogeneous part."""
+    def sizes(self, polynomial: fmpq_mpoly) -> list[fmpq]:
+        """Rationals c_d with |polynomial(y)| ≤ Σ c_d |y|^d: Cauchy–Schwarz on each homogeneous part."""
         self.budget.spend(4 * len(polynomial))
-        by_degree: dict[int, fmpq] = {}
+        squares: dict[int, fmpq] = {}
         for monomial, coefficient in polynomial.to_dict().items():
-            degree = sum(monomial)
-            by_degree[degree] = by_degree.get(degree, fmpq(0)) + _cauchy_schwarz(coefficient, monomial)
-        return sum(
-            (sqrt_upper(squares * self.radius_squared**degree) for degree, squares in by_degree.items()), fmpq(0)
-        )
+            exponents = tuple(map(int, monomial))
+            degree = sum(exponents)
+            squares[degree] = squares.get(degree, fmpq(0)) + _cauchy_schwarz(coefficient, exponents)
+        return [sqrt_upper(squares.get(degree, fmpq(0))) for degree in range(max(squares, default=0) + 1)]
+
+    def bound(self, polynomial: fmpq_mpoly) -> fmpq:
+        """A rational that is at least max |polynomial| over the ball."""
+        return sum((size * self.radius**degree for degree, size in enumerate(self.sizes(polynomial))), fmpq(0))
+
+    @property
+    def radius(self) -> fmpq:
+        """A rational that is at least r."""
+        return sqrt_upper(self.radius_squared)
+
+    def remainder_product(self, first: Sequence[fmpq], second: Sequence[fmpq]) -> Remainder:
+        """(Σ a_k |y|^k)(Σ b_k |y|^k) for a_k, b_k ≥ 0, with |y|^k ≤ r^{k−2} |y|² for k > 2."""
+        result = [fmpq(0), fmpq(0), fmpq(0)]
+        for i, a in enumerate(first):
+            for j, b in enumerate(second):
+                result[min(i + j, 2)] += a * b * self.radius ** max(i + j - 2, 0)
+        # rounded up to arb's precision, or the numbers would grow longer with every operation
+        zeroth, linear, square = (upper_bound(arb(value)) if value else value for value in result)
+        return zeroth, linear, square
 
 
 def _cauchy_schwarz(coefficient: fmpq, monomial: tuple[int, ...]) -> fmpq:
     """coefficient² over the multinomial number: (Σ c_m y^m)² ≤ (Σ c_m²/multinomial_m) |y|^{2d} at degree d."""
     multinomial, placed = 1, 0
     for exponent in monomial:
-        for k in range(1, int(exponent) + 1):
+        for k in range(1, exponent + 1):
             placed += 1
             multinomial = multinomial * placed // k
     return coefficient * coefficient / multinomial
@@ -163,35 +185,44 @@ def _cauchy_schwarz(coefficient: fmpq, monomial: tuple[int, ...]) -> fmpq:
 
 @dataclass(frozen=True)
 class Enclosure:
-    """|f − polynomial| ≤ remainder on the domain."""
+    """|f − polynomial| ≤ ε₀ + ε₁ |y| + ε₂ |y|² on the domain, (ε₀, ε₁, ε₂) the remainder."""
 
     domain: Domain
     polynomial: fmpq_mpoly
-    remainder: fmpq
+    remainder: Remainder = NO_REMAINDER
 
     def __add__(self, other: "Enclosure") -> "Enclosure":
-        return Enclosure(self.domain, self.polynomial + other.polynomial, self.remainder + other.remainder)
+        return Enclosure(self.domain, self.polynomial + other.polynomial, _sum(self.remainder, other.remainder))
 
     def __sub__(self, other: "Enclosure") -> "Enclosure":
-        return Enclosure(self.domain, self.polynomial - other.polynomial, self.remainder + other.remainder)
+        return Enclosure(self.domain, self.polynomial - other.polynomial, _sum(self.remainder, other.remainder))
 
     def __neg__(self) -> "Enclosure":
         return Enclosure(self.domain, -self.polynomial, self.remainder)
 
     def __mul__(self, other: "Enclosure") -> "Enclosure":
-        remainder = self.remainder * other.remainder
-        if other.remainder:
-            remainder += self.domain.bound(self.polynomial) * other.remainder
-        if self.remainder:
-            remainder += self.domain.bound(other.polynomial) * self.remainder
-        # rounded up to arb's precision, or the number would grow longer with every operation
-        remainder = upper_bound(arb(remainder)) if remainder else remainder
+        remainder = self.domain.remainder_product(self.remainder, other.remainder)
+        for one, two in ((self, other), (other, self)):
+            if any(two.remainder):
+                sizes = self.domain.sizes(one.polynomial)
+                remainder = _sum(remainder, self.domain.remainder_product(sizes, two.remainder))
         return Enclosure(self.domain, self.domain.product(self.polynomial, other.polynomial), remainder)
+
+    @property
+    def largest_remainder(self) -> fmpq:
+        """A rational that is at least max |f − polynomial| over the domain."""
+        return sum((size * self.domain.radius**k for k, size in enumerate(self.remainder)), fmpq(0))
+
+    def remainder_polynomial(self, radius: fmpq) -> fmpq_mpoly:
+        """A polynomial that is nowhere below the remainder: |y| ≤ (|y|²/h + h)/2, closest where |y| = h = `radius`."""
+        constant, linear, square = self.remainder
+        norm_squared = sum((y * y for y in self.domain.ring.gens()), self.domain.ring.constant(0))
+        return norm_squared * (square + linear / (2 * radius)) + (constant + linear * radius / 2)
 
     def range(self) -> tuple[fmpq, fmpq]:
         """Rationals between which f and the polynomial stay on the domain."""
         centre = fmpq(self.polynomial[(0,) * self.domain.ring.nvars()])
-        reach = self.domain.bound(self.polynomial - centre) + self.remainder
+        reach = self.domain.bound(self.polynomial - centre) + self.largest_remainder
         return centre - reach, centre + reach
 
     def apply(self, unary: UnaryEnclosure) -> "Enclosure":
@@ -209,8 +240,12 @@ class Enclosure:
         result = self.domain.ring.constant(0)
         for coefficient in reversed(unary.coefficients):
             result = self.domain.product(result, self.polynomial) + coefficient
-        # between p and f lies at most the argument's remainder, along which the function changes by its slope
-        spread = fmpq(0)
-        if self.remainder:
-            spread = proven_slope(unary.function, unary.lower, unary.upper) * self.remainder
-        return Enclosure(self.domain, result, unary.bound + spread)
+        remainder: Remainder = (unary.bound, fmpq(0), fmpq(0))
+        if any(self.remainder):  # between p and f, along which the function changes by its slope
+            slope = proven_slope(unary.function, unary.lower, unary.upper)
+            remainder = _sum(remainder, self.domain.remainder_product((slope,), self.remainder))
+        return Enclosure(self.domain, result, remainder)
+
+
+def _sum(first: Remainder, second: Remainder) -> Remainder:
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2]

@@ -1,0 +1,139 @@
+"""Condition (d): what the exact objects say, against V itself evaluated in floating point."""
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from flint import fmpq
+
+from cfjax.certificate.certifier import round_funnel, steady_decrease
+from cfjax.certificate.trace import trace_deviation
+from cfjax.check.decrease import SteadyDecrease, end_level, monomials, quadratic_form, steady_pieces
+from cfjax.funnel import Funnel, template_named
+from cfjax.problem import Box, Method, Problem, affine_deviation, circle
+
+
+SHAPE = np.array([[2.5, -0.9, -0.1, -0.2], [-0.9, 3.3, -0.2, 0.1], [-0.1, -0.2, 3.3, 0.9], [-0.2, 0.1, 0.9, 2.5]])
+
+
+def question(template: str, method: str, rate: float = 0.09) -> tuple[SteadyDecrease, Problem, Funnel]:
+    problem = Problem(circle(), safe=Box((1.0, 1.0, 1.0, 3.0)), method=Method(method))
+    segment = problem.path.segments[0]
+    rounded = round_funnel(Funnel(template_named(template), SHAPE, rate, segment.duration), segment)
+    return steady_decrease(problem, segment, rounded, trace_deviation(problem.vehicle)), problem, rounded.funnel
+
+
+@pytest.mark.parametrize("template", ["paper", "contracting"])
+@pytest.mark.parametrize("rate", [0.12, 0.02, 0.0, -0.05])
+def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: float) -> None:
+    """At every θ and q of the shell some piece holds q, and its drop is at least 1/σ(θ), its timing is ∂V/∂θ / σ."""
+    duration, inner = 6.0, 0.9
+    funnel = Funnel(template_named(template), SHAPE, rate, duration, inner)
+    pieces = steady_pieces(template, fmpq(round(rate * 100), 100), fmpq(6), fmpq(9, 10))
+    for theta in np.linspace(0, duration, 61):
+        level, sigma = float(funnel.level(theta)), float(funnel.template.scale(rate, theta))
+        lowest = inner + level - 1 if template == "paper" else inner * level
+        for q in np.linspace(lowest, level, 21):
+            value = float(funnel.template.value(rate, theta, q))
+            assert inner - 1e-9 <= value <= 1 + 1e-9
+            within = [p for p in pieces if float(p.lower) - 1e-9 <= q <= float(p.upper) + 1e-9]
+            assert within
+            for piece in within:
+                assert float(piece.drop[0] + piece.drop[1] * fmpq(round(q * 10**9), 10**9)) >= 1 / sigma - 1e-8
+                timing = float(piece.timing[0]) + float(piece.timing[1]) * q
+                assert timing == pytest.approx(float(funnel.template.timing(rate, q)), abs=1e-9)
+                assert 0 < float(piece.least_drop) <= float(piece.drop[0]) + float(piece.drop[1]) * q + 1e-9
+
+
+def test_a_shell_that_reaches_the_reference_is_refused() -> None:
+    for rate in (fmpq(15, 100), fmpq(1)):
+        with pytest.raises(ValueError, match="reaches the reference"):
+            steady_pieces("paper", rate, fmpq(6), fmpq(9, 10))
+    low, high = end_level("contracting", fmpq(1, 2), fmpq(6))
+    assert float(low) == pytest.approx(math.exp(-3))
+    assert low < high
+    with pytest.raises(ValueError, match="unknown template"):
+        end_level("other", fmpq(1), fmpq(1))
+
+
+@pytest.mark.parametrize(("template", "method"), list(product(["paper", "contracting"], ["pf", "tt"])))
+def test_cells_cover_every_sign_and_name_the_best_vertex(template: str, method: str) -> None:
+    decrease, problem, _ = question(template, method)
+    cells = list(decrease.cells())
+    assert len(cells) == len(decrease.pieces) * 2 ** len(decrease.free_inputs)
+    assert len({(cell.piece, cell.signs) for cell in cells}) == len(cells)
+    for cell in cells:
+        assert all(
+            fmpq(round(limits.lower * 2), 2) <= u <= fmpq(round(limits.upper * 2), 2)
+            for u, limits in zip(cell.vertex, problem.inputs, strict=True)
+        )
+    if method == "tt":
+        assert {cell.vertex[0] for cell in cells} == {fmpq(1)}
+    rng = np.random.default_rng(0)
+    for _ in range(50):  # every deviation lies in a cell of its piece
+        y = [fmpq(int(k), 1000) for k in rng.integers(-600, 600, size=4)]
+        for piece in range(len(decrease.pieces)):
+            hold = [
+                cell
+                for cell in cells
+                if cell.piece == piece and all(g(*y) >= 0 for g in decrease.constraints(cell)[: len(cell.signs)])
+            ]
+            assert hold
+
+
+@pytest.mark.parametrize(("template", "method"), list(product(["paper", "contracting"], ["pf", "tt"])))
+def test_target_is_nowhere_above_the_true_decrease(template: str, method: str) -> None:
+    """p_u − ε ≤ F_u = −(q̇ + timing u0) with the dynamics of `cfjax.problem`, at random points of the shell."""
+    decrease, problem, funnel = question(template, method)
+    point = problem.path.segments[0].point(0.0)
+    whitening = np.array([[float(w) for w in row] for row in decrease.whitening])
+    rng = np.random.default_rng(1)
+    level = max(float(piece.upper) for piece in decrease.pieces)
+    gaps = []
+    for _ in range(60):
+        direction = rng.normal(size=4)
+        y = [
+            fmpq(round(v * 10**6), 10**6)
+            for v in np.sqrt(level * rng.uniform(0, 1)) * direction / np.linalg.norm(direction)
+        ]
+        x = whitening @ np.array([float(v) for v in y])
+        drift, columns = (np.asarray(part) for part in affine_deviation(problem.vehicle, x, point))
+        q = float(funnel.form(x))
+        for cell in decrease.cells():
+            u = np.array([float(v) for v in cell.vertex])
+            rate = 2 * x @ funnel.shape @ (drift + columns @ u) + float(funnel.template.timing(funnel.rate, q)) * u[0]
+            gap = -rate - float(decrease.target(cell)(*y))
+            assert gap >= -1e-12
+            gaps.append(gap)
+    assert max(gaps) < 0.05  # and it is close
+
+
+def test_the_ball_holds_the_funnel() -> None:
+    decrease, _, funnel = question("contracting", "pf")
+    whitening = np.array([[float(w) for w in row] for row in decrease.whitening])
+    level = max(float(piece.upper) for piece in decrease.pieces)
+    rng = np.random.default_rng(2)
+    directions = rng.normal(size=(4, 1000))
+    x = directions * np.sqrt(level / funnel.form(directions.T))
+    y = np.linalg.solve(whitening, x)
+    assert (y**2).sum(axis=0).max() <= float(decrease.domain.radius_squared)
+    wrong = replace(decrease, whitening=[[entry * fmpq(99, 100) for entry in row] for row in decrease.whitening])
+    with pytest.raises(ValueError, match="whitening"):
+        _ = wrong.domain
+
+
+def test_quadratic_forms_and_monomials() -> None:
+    decrease, _, _ = question("paper", "tt")
+    assert len(monomials(4, 3)) == math.comb(7, 3)
+    assert monomials(2, 2) == ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+    rng = np.random.default_rng(3)
+    basis = monomials(4, 2)
+    half = rng.integers(-9, 9, size=(len(basis), len(basis)))
+    gram = half + half.T
+    polynomial = quadratic_form(decrease.ring, [[fmpq(int(entry)) for entry in row] for row in gram], basis)
+    for _ in range(10):
+        y = rng.integers(-3, 4, size=4)
+        z = np.array([int(np.prod([int(v) ** k for v, k in zip(y, e, strict=True)])) for e in basis])
+        assert polynomial(*(fmpq(int(v)) for v in y)) == fmpq(int(z @ gram @ z))
