@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from cfjax.funnel import Funnel
 from cfjax.problem import Problem
 from cfjax.verdict import Verdict
@@ -31,6 +34,16 @@ class ClosedLoop:
 
 
 @dataclass(frozen=True)
+class Rollouts:
+    """Recorded cars: clock and θ (s), deviations, and V; axes (time, car[, state]). Arrived cars stay at θ = T."""
+
+    clock: Float[np.ndarray, "t k"]
+    theta: Float[np.ndarray, "t k"]
+    x: Float[np.ndarray, "t k n"]
+    value: Float[np.ndarray, "t k"]
+
+
+@dataclass(frozen=True)
 class Result:
     """Verdict and message (one line), the funnels found with their margins, and how it went."""
 
@@ -39,6 +52,7 @@ class Result:
     problem: Problem
     segments: tuple[SegmentResult, ...] = ()
     closed_loop: ClosedLoop | None = None
+    rollouts: tuple[Rollouts, ...] = ()  # one per segment that cars were driven through
     seconds: dict[str, float] = field(default_factory=dict)  # learn, certify, simulate, plot, …, total
     iterations: int = 0  # rounds of the learn–certify loop
     history: tuple[dict[str, float], ...] = ()  # per round: margin falsified, certified, counterexamples

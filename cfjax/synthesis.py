@@ -60,16 +60,17 @@ def synthesize(problem: Problem, options: Options = Options(), progress: Progres
     started = time.perf_counter()
     search = _Search(problem, options, progress or (lambda stage, done, of: None))
     result = search.run()
-    loop = None
+    loop, rollouts = None, ()
     if result.verdict is Verdict.CERTIFIED and options.cars:
         with search.timed("simulate"):
             # one segment: the certifier refuses chains until their links are proven
             found, segment = result.segments[0], problem.path.segments[0]
             margin = found.margin_certified or 0.0
-            loop = drive_cars(problem, segment, found.funnel, margin, cars=options.cars, seed=options.seed)
+            loop, cars = drive_cars(problem, segment, found.funnel, margin, cars=options.cars, seed=options.seed)
+            rollouts = (cars,)
             search.progress("simulate", 1, 1)
     seconds = {**search.seconds, "total": time.perf_counter() - started}
-    return result.replace(closed_loop=loop, seconds=seconds)
+    return result.replace(closed_loop=loop, rollouts=rollouts, seconds=seconds)
 
 
 class _Search:

@@ -152,6 +152,7 @@ def run_job(node: "DictConfig") -> "Result | None":
 def run(config: "Config", problem: "Problem", options: "Options", folder: Path) -> "Result":
     """Synthesise, write the run folder, log, and say what came out."""
     from cfjax.conf import yaml_of
+    from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import refuse_finished, write_run
     from cfjax.report.tracking import track
@@ -160,7 +161,7 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
     refuse_finished(folder)
     with progress_on() as progress:
         result = synthesize(problem, options, progress)
-    result = write_run(result, folder, yaml_of(config), _draw)
+    result = write_run(result, folder, yaml_of(config), save_picture)
     if config.logger == "wandb":
         track(result, config, folder)
     print(summary(result))
@@ -197,17 +198,6 @@ def _question(node: "DictConfig") -> "tuple[Config, Problem, Options]":
         node.pop("hydra", None)
     config = typed(node)
     return config, problem_of(config), options_of(config)
-
-
-def _draw(result: "Result", path: Path) -> None:
-    from cfjax.report.plot import save_picture
-    from cfjax.simulation import record_cars
-
-    rollouts = [
-        record_cars(result.problem, segment, found.funnel, found.margin_certified or 0.0, cars=24)
-        for segment, found in zip(result.problem.path.segments, result.segments, strict=False)
-    ]
-    save_picture(result, rollouts, path)
 
 
 def _finish_sweep(sweep: Path) -> int:

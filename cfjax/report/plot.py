@@ -19,8 +19,6 @@ from cfjax.result import Result
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from cfjax.simulation import Rollouts
-
 FUNNEL_COLOUR, EDGE_COLOUR = "#cfe3f5", "#4c86b8"
 INLET_COLOUR, GOAL_COLOUR, REFERENCE_COLOUR = "#2b8a3e", "#c92a2a", "#111111"
 CAR_COLOURS = ("#e8590c", "#9c36b5", "#0b7285", "#5c940d", "#a61e4d", "#364fc7")
@@ -61,13 +59,13 @@ def positions(segment: Segment, theta: Float[np.ndarray, "t k"], x: Float[np.nda
     return np.stack([px, py], -1) + turned
 
 
-def save_picture(result: Result, rollouts: "list[Rollouts]", path: Path) -> None:
-    """Write funnel.png: one set of rollouts per segment of the result (may be empty)."""
+def save_picture(result: Result, path: Path) -> None:
+    """Write funnel.png: every segment's funnel and the cars that were driven through it."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.2, 3.9), layout="constrained", dpi=160)
         plane, values = figure.subplots(1, 2, width_ratios=[1.35, 1])
-        _draw_plane(plane, result, rollouts)
-        _draw_values(values, result, rollouts)
+        _draw_plane(plane, result)
+        _draw_values(values, result)
         figure.suptitle(_title(result), fontsize=10)
         figure.savefig(path, metadata={"Software": None})
 
@@ -85,7 +83,7 @@ def _title(result: Result) -> str:
     return " · ".join(parts)
 
 
-def _draw_plane(axes: "Axes", result: Result, rollouts: "list[Rollouts]") -> None:
+def _draw_plane(axes: "Axes", result: Result) -> None:
     for index, (segment, found) in enumerate(zip(result.problem.path.segments, result.segments, strict=False)):
         theta = np.linspace(0.0, segment.duration, 400)
         outlines = shadows(found.funnel, segment, theta)
@@ -93,8 +91,9 @@ def _draw_plane(axes: "Axes", result: Result, rollouts: "list[Rollouts]") -> Non
         axes.add_collection(PolyCollection(list(outlines), facecolor=FUNNEL_COLOUR, edgecolor="none"))
         line = segment.poses(theta)
         axes.plot(line[:, 1], line[:, 2], color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)))
-        if index < len(rollouts):
-            where = positions(segment, rollouts[index].theta, rollouts[index].x)
+        if index < len(result.rollouts):
+            cars = result.rollouts[index]
+            where = positions(segment, cars.theta, cars.x)
             for car in range(where.shape[1]):
                 colour = CAR_COLOURS[car % len(CAR_COLOURS)]
                 axes.plot(where[:, car, 0], where[:, car, 1], color=colour, lw=0.6, alpha=0.8)
@@ -115,9 +114,9 @@ def _draw_plane(axes: "Axes", result: Result, rollouts: "list[Rollouts]") -> Non
     axes.figure.legend(handles=handles, loc="outside lower left", ncols=5, fontsize=8, handlelength=1.6)
 
 
-def _draw_values(axes: "Axes", result: Result, rollouts: "list[Rollouts]") -> None:
+def _draw_values(axes: "Axes", result: Result) -> None:
     offset = 0.0
-    for segment, cars in zip(result.problem.path.segments, rollouts, strict=False):
+    for segment, cars in zip(result.problem.path.segments, result.rollouts, strict=False):
         for car in range(cars.theta.shape[1]):
             last = int(np.argmax(cars.theta[:, car])) + 1
             colour = CAR_COLOURS[car % len(CAR_COLOURS)]

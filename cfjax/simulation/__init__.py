@@ -1,6 +1,6 @@
 """Closed loop: cars driven through a funnel, batched."""
 
-from cfjax.simulation.rollout import Rollouts, drive_cars, record_cars
+from cfjax.simulation.rollout import drive_cars
 
 
-__all__ = ["Rollouts", "drive_cars", "record_cars"]
+__all__ = ["drive_cars"]

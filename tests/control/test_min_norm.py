@@ -27,7 +27,7 @@ def by_solver(b, excess, centre, lower, upper, softness):
 def test_nearest_in_box_is_the_quadratic_program(softness: float, fixed_timing: bool) -> None:
     rng = np.random.default_rng(1)
     solved = infeasible = 0
-    nearest = jax.jit(nearest_in_box)
+    nearest = jax.jit(lambda b, *rest: jnp.stack(nearest_in_box(tuple(b), *rest)))
     for _ in range(120):
         lower, upper = np.array([0.5, -1.0, -4.0]), np.array([2.0, 1.0, 4.0])
         if fixed_timing:
@@ -61,7 +61,7 @@ def test_law_decreases_wherever_some_input_does(template, method: Method) -> Non
     margin = 0.4  # of no proof: the law has to reach it wherever the box can
     law = min_norm_law(problem, segment, funnel, margin)
     rng = np.random.default_rng(4)
-    act = jax.jit(lambda theta, x: min_norm_input(problem.vehicle, template, law, theta, x))
+    act = jax.jit(lambda theta, x: jnp.stack(min_norm_input(problem.vehicle, template, law, theta, tuple(x))))
     dynamics = jax.jit(lambda x: affine_deviation(problem.vehicle, x, segment.point(0.0)))
     reached = 0
     for _ in range(300):
@@ -91,5 +91,5 @@ def test_law_holds_the_reference() -> None:
     for template in TEMPLATES.values():
         funnel = Funnel(template, 3 * np.eye(4), 0.02, segment.duration)
         law = min_norm_law(problem, segment, funnel, 0.5)
-        v = min_norm_input(problem.vehicle, template, law, 1.0, jnp.zeros(4))
+        v = min_norm_input(problem.vehicle, template, law, 1.0, (0.0,) * 4)
         np.testing.assert_allclose(v, problem.feedforward(segment, 0.0), atol=1e-12)

@@ -9,8 +9,8 @@ import pytest
 
 from cfjax.funnel import Contracting, Funnel
 from cfjax.problem import Box, Ellipsoid, Method, Problem, ball, circle
-from cfjax.simulation import drive_cars, record_cars
-from cfjax.simulation.rollout import Car, _advance, _loop, sample_starts
+from cfjax.simulation import drive_cars
+from cfjax.simulation.rollout import _advance, _loop, _start, sample_starts
 
 
 PROBLEM = Problem(circle(), safe=Box((1.0, 1.0, 1.0, 3.0)))
@@ -33,15 +33,14 @@ def test_starts_fill_the_inlet() -> None:
 def test_integration_is_of_fourth_order() -> None:
     loop = _loop(PROBLEM, SEGMENT, FUNNEL, 0.5)
     loop = loop._replace(law=loop.law._replace(decrease=jnp.asarray(-1e6)))  # asks for nothing: no kinks in the law
-    start = jnp.array([0.2, 0.3, -0.2, 0.4])
+    start = jnp.array([[0.2, 0.3, -0.2, 0.4]])
     advance = jax.jit(partial(_advance, PROBLEM.vehicle, FUNNEL.template))
 
     def end(steps: int) -> np.ndarray:
-        zero = jnp.zeros(())
-        car = Car(zero, start, zero, zero, zero)
+        cars = _start(FUNNEL.template, loop, start)
         for _ in range(steps):
-            car = advance(loop._replace(step=jnp.asarray(0.4 / steps)), car)
-        return np.concatenate([np.asarray(car.theta)[None], np.asarray(car.x)])
+            cars = advance(loop._replace(step=jnp.asarray(0.4 / steps)), cars)
+        return np.array([cars.theta, *cars.x])
 
     steps = np.array([5, 10, 20])
     errors = [np.abs(end(int(n)) - end(320)).max() for n in steps]
@@ -50,26 +49,28 @@ def test_integration_is_of_fourth_order() -> None:
 
 
 def test_cars_arrive_and_are_counted() -> None:
-    summary = drive_cars(PROBLEM, SEGMENT, FUNNEL, 0.3, cars=200)
+    summary, rollouts = drive_cars(PROBLEM, SEGMENT, FUNNEL, 0.3, cars=200)
     assert summary.cars == 200
     slow, fast = SEGMENT.duration / 0.5, SEGMENT.duration / 2.0
     assert fast - 1e-9 <= summary.arrival[0] <= summary.arrival[1] <= slow + 1e-9
-    rollouts = record_cars(PROBLEM, SEGMENT, FUNNEL, 0.3, cars=5)
+    assert rollouts.theta.shape[1] == 25
     assert (rollouts.theta[-1] == SEGMENT.duration).all()
     assert (np.diff(rollouts.theta, axis=0) >= 0).all()
+    np.testing.assert_allclose(rollouts.value, FUNNEL.value(rollouts.theta, rollouts.x))
+    assert rollouts.value.max() <= summary.largest_value + 1e-12
 
 
 def test_tracking_arrives_by_the_clock() -> None:
     problem = Problem(circle(), method=Method.TT)
-    summary = drive_cars(problem, SEGMENT, FUNNEL, 0.3, cars=50)
+    summary, _ = drive_cars(problem, SEGMENT, FUNNEL, 0.3, cars=50)
     np.testing.assert_allclose(summary.arrival, SEGMENT.duration, atol=1e-9)
 
 
 def test_failures_are_counted() -> None:
     """Sets that nothing can satisfy: every car is counted as a failure, none is lost."""
     tight = Problem(circle(), safe=Box((0.501, 0.501, 0.501, 0.501)), goal=ball(1e-9))
-    summary = drive_cars(tight, SEGMENT, FUNNEL, 0.3, cars=100)
+    summary, _ = drive_cars(tight, SEGMENT, FUNNEL, 0.3, cars=100)
     assert summary.missed_goal == 100
     assert summary.left_safe > 0
     wide = Funnel(Contracting(), 8 * SHAPE, 0.05, SEGMENT.duration)  # I sticks far out of this funnel
-    assert drive_cars(PROBLEM, SEGMENT, wide, 0.3, cars=100).left_funnel > 20
+    assert drive_cars(PROBLEM, SEGMENT, wide, 0.3, cars=100)[0].left_funnel > 20
