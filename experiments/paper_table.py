@@ -1,4 +1,4 @@
-"""The paper's straight and circle rows, both methods, both templates: margins found, certified, and the paper's verdict.
+"""The paper's straight and circle rows, both methods and templates: margins found and proven beside its verdict.
 
     python experiments/paper_table.py [--output FOLDER] [--only TEXT] [--cars N]
 
@@ -18,7 +18,7 @@ from cfjax.report.paper_rows import agreement, paper_found
 from cfjax.synthesis import synthesize
 
 
-# preset, speed key or None, best falsified margin before (1/s): (PF, TT) of the paper's template, of the contracting one
+# preset, speed key or None, best falsified margins before (1/s) as (PF, TT): paper's template, contracting one
 ROWS: dict[str, tuple[str, float | None, tuple[float | None, float | None], tuple[float, float]]] = {
     "straight": ("straight", None, (0.20, None), (2.29, 1.50)),
     "straight_long": ("straight_long", None, (0.31, 0.08), (2.54, 2.06)),

@@ -5,8 +5,8 @@ half-widths of the box, subject to V̇ ≤ −λ' with λ' < λ:
 
     min Σ ((v_i − v_i^r) / half_i)²   subject to   a + b · v ≤ d,   v in the box.
 
-One half-space and a box: the minimiser is v_i^r − μ b_i half_i² clipped to the box, with one multiplier μ ≥ 0, in closed
-form. It is feasible wherever (d) holds, so every V ≤ 1 inherits the certificate.
+One half-space and a box: the minimiser is v_i^r − μ b_i half_i² clipped to the box, with one multiplier μ ≥ 0, in
+closed form. It is feasible wherever (d) holds, so every V ≤ 1 inherits the certificate.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """The duel: candidates and the particles that hunt their worst points, in one compiled program.
 
-A candidate is a factor L (C⁻¹ = L Lᵀ) and a change (rate · duration). Each has its own particles, points of the shell in
-the dual coordinates of `cfjax.funnel.conditions`. In every step
+A candidate is a factor L (C⁻¹ = L Lᵀ) and a change (rate · duration). Each has its own particles, points of the shell
+in the dual coordinates of `cfjax.funnel.conditions`. In every step
 
 - each particle moves down the margin of condition (d) by a normalised step, |b_i| rounded off over the same length;
 - the candidate moves, by Adam, up the soft minimum of its particles' margins less exact-penalty hinges of (a)–(c). The
@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 from cfjax.funnel import Template
 from cfjax.funnel.conditions import Instance, containment_excess, decrease_margins
 from cfjax.problem import Vehicle, affine_deviation
+from cfjax.problem.vehicle import Scalar
 
 
 ROUNDING = 0.1  # of |b_i|, per particle step and scale of the margin
@@ -108,7 +109,7 @@ def duel(
 
 
 @lru_cache
-def _program(vehicle: Vehicle, template: Template):  # noqa: ANN202
+def _program(vehicle: Vehicle, template: Template):
     return jax.jit(jax.vmap(partial(_run, vehicle, template), in_axes=(None, None, 0, 0, 0, 0, 0)))
 
 
@@ -136,9 +137,7 @@ def _run(
 
     def margins(factor: Array, change: Array, points: Array, smoothing: Array | float) -> Array:
         rate = change / instance.duration
-        return decrease_margins(
-            vehicle, template, instance, factor, rate, points[:, :-1], points[:, -1], smoothing
-        )
+        return decrease_margins(vehicle, template, instance, factor, rate, points[:, :-1], points[:, -1], smoothing)
 
     def loss(delta: Array, points: Array, factor: Array, change: Array, temperature: Array, smoothing: Array) -> Array:
         factor, change = factor + factor @ triangle(delta), change + delta[-1]
@@ -148,7 +147,7 @@ def _run(
         weight = jax.lax.stop_gradient(jax.nn.softmax(-at / temperature) + 1e-14)
         return -jnp.sum(weight * at) + PENALTY * (jnp.sum(hinge) + 10 * jnp.sum(hinge**2))
 
-    def now(pair: tuple[Array, Array], i: Array) -> Array:
+    def now(pair: tuple[Scalar, Scalar], i: Array) -> Array:
         first, last = pair
         ratio = jnp.where(first > 0, last / jnp.where(first > 0, first, 1.0), 1.0)
         return first * ratio ** (i / schedule.steps)
@@ -162,7 +161,7 @@ def _run(
         down = down * free
         points = _normalised(points + step * down / (jnp.linalg.norm(down, axis=1, keepdims=True) + 1e-200))
         direction, adam = ADAM.update(gradient, adam)
-        move = learning_rate * direction
+        move = learning_rate * jnp.asarray(direction)
         change = jnp.where(learning_rate > 0, jnp.clip(change - move[-1], *instance.change_bounds), change)
         return factor - factor @ triangle(move), change, adam, points
 

@@ -50,7 +50,7 @@ def margin_scale(
     change: Float[np.ndarray, " r"],
     particles: Particles,
 ) -> Float[np.ndarray, " r"]:
-    """Spread of each candidate's margin over random points of the shell, 1/s: the unit of all tolerances of a search."""
+    """Spread of each candidate's margin over random points of its shell, 1/s: the unit of a search's tolerances."""
     still = SEARCH._replace(steps=0)
     return duel(vehicle, template, instance, still, np.ones(len(factor)), factor, change, particles).margins.std(axis=1)
 
@@ -105,9 +105,8 @@ def falsify(
     margins = np.concatenate([hunted.margins.ravel() for hunted in found])
     rows = np.concatenate([hunted.particles.points.reshape(-1, problem.dimension + 1) for hunted in found])
     worst = rows[np.argmin(margins)][None]
-    x, q, _ = shell_points(
-        funnel.template, instance, jnp.asarray(factor[0]), funnel.rate, jnp.asarray(worst[:, :-1]), jnp.asarray(worst[:, -1])
-    )
+    w, s = jnp.asarray(worst[:, :-1]), jnp.asarray(worst[:, -1])
+    x, q, _ = shell_points(funnel.template, instance, jnp.asarray(factor[0]), funnel.rate, w, s)
     theta = _theta_in_shell(funnel, segment.duration, float(q[0]))
     note("d", margins.min(), theta, np.asarray(x[0]))
     return tuple(points)

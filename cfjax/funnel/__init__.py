@@ -1,4 +1,4 @@
-"""What is sought: templates of funnel functions, funnels, and the conditions that make one a control funnel function."""
+"""What is sought: templates of V, funnels, and the conditions that make one a control funnel function."""
 
 from cfjax.funnel.funnel import Funnel
 from cfjax.funnel.template import TEMPLATES, Contracting, Paper, Template, template_named

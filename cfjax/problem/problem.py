@@ -56,7 +56,7 @@ class Problem:
             for state, start, limit in zip(states, self.inlet.half_axes, self.safe.half_widths, strict=True):
                 if start >= limit:
                     raise InputError(
-                        f"sets.inlet: reaches {start} in {state}, but has to lie inside sets.safe, which ends at {limit}"
+                        f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
                     )
         for index, segment in enumerate(self.path.segments):
             self._check_reference(index, segment)
@@ -82,9 +82,7 @@ class Problem:
         grid = [0.0] if segment.is_steady else np.linspace(0.0, segment.duration, 201)
         for theta in grid:
             inputs = self.feedforward(segment, float(theta))
-            for name, value, limits in zip(
-                self.vehicle.input_names, inputs[1:], self.vehicle.input_box, strict=True
-            ):
+            for name, value, limits in zip(self.vehicle.input_names, inputs[1:], self.vehicle.input_box, strict=True):
                 if value not in limits:
                     curvature = abs(segment.point(theta).turn_rate / segment.point(theta).speed)
                     raise InputError(

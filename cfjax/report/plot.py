@@ -1,7 +1,7 @@
 """The picture of a funnel: its shadow on the plane with cars inside, and V along each rollout."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FUNNEL_COLOUR, EDGE_COLOUR = "#cfe3f5", "#4c86b8"
 INLET_COLOUR, GOAL_COLOUR, REFERENCE_COLOUR = "#2b8a3e", "#c92a2a", "#111111"
 CAR_COLOURS = ("#e8590c", "#9c36b5", "#0b7285", "#5c940d", "#a61e4d", "#364fc7")
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.family": "serif",
     "mathtext.fontset": "cm",
     "font.size": 9,
