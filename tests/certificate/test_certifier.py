@@ -1,0 +1,164 @@
+"""From candidates to verdicts."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cfjax.certificate.certifier as certifier
+from cfjax.certificate import certify, dump, refute
+from cfjax.certificate.sos import SosSolution
+from cfjax.check import Outcome, check_document, check_file
+from cfjax.errors import InputError
+from cfjax.falsifier import falsify
+from cfjax.funnel import Funnel, Paper
+from cfjax.problem import Box, Path, Pose, Problem, Profile, Segment, ball
+from cfjax.verdict import Verdict
+
+
+Candidate = Callable[..., tuple[Problem, Funnel]]
+ROWS = [("circle", "tt", "paper"), ("circle", "tt", "contracting"), ("straight", "pf", "paper")]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=" ".join)
+def test_certified_margins_are_sharp_and_true(candidate: Candidate, row: tuple, tmp_path: object) -> None:
+    problem, funnel = candidate(*row)
+    heard = []
+    found = certify(problem, [funnel], progress=lambda *news: heard.append(news), workers=2)
+    assert found.verdict is Verdict.CERTIFIED
+    assert found.margins is not None
+    assert found.document is not None
+    assert found.margins[0] >= 0.98 * found.numerical_margins[0]
+    (rounded,) = found.funnels
+    np.testing.assert_allclose(rounded.shape, funnel.shape, rtol=0, atol=1e-8)
+    falsified = next(p for p in falsify(problem, problem.path.segments[0], rounded) if p.condition == "d")
+    assert 0.97 * falsified.slack <= found.margins[0] <= falsified.slack
+    assert [done for _, done, _ in heard] == list(range(1, heard[-1][2] + 1))
+    assert found.seconds["exact"] < found.seconds["sos"]
+    path = tmp_path / "certificate.json"
+    path.write_text(dump(found.document))
+    report = check_file(path)
+    assert report.outcome is Outcome.PROVEN
+    # the float that is told is not above the rational that is proven, and the float funnel is the rational one
+    assert found.margins[0] <= float(report.margins[0])
+    lower = [rounded.shape[i, j] for i in range(4) for j in range(i + 1)]
+    told = [entry.split("/") for entry in found.document["funnels"][0]["shape"]]
+    assert lower == [int(entry[0]) / int(entry[1] if len(entry) > 1 else 1) for entry in told]
+
+
+@pytest.mark.parametrize(
+    ("parts", "condition"),
+    [
+        ({"inlet": ball(0.55)}, "(a)"),
+        ({"goal": ball(0.45)}, "(b)"),
+        ({"safe": Box((1.0, 0.52, 1.0, 3.0))}, "(c)"),
+    ],
+)
+def test_violated_containments_are_not_certified(candidate: Candidate, parts: dict, condition: str) -> None:
+    problem, funnel = candidate("circle", "tt", "paper")
+    found = certify(replace(problem, **parts), [funnel])
+    assert (found.verdict, found.document, found.margins) == (Verdict.INCONCLUSIVE, None, None)
+    assert f"condition {condition}" in found.message
+
+
+def failing(candidate: Candidate, below: float) -> tuple[Problem, Funnel]:
+    """A funnel whose true margin is at most −below: the rate is raised until the falsifier's worst point says so."""
+    problem, funnel = candidate("circle", "tt", "paper")
+    low, high = funnel.rate, 0.9 / funnel.duration - 1e-3
+    for _ in range(24):
+        middle = 0.5 * (low + high)
+        points = falsify(problem, problem.path.segments[0], replace(funnel, rate=middle))
+        worst = next(p.slack for p in points if p.condition == "d")
+        low, high = (low, middle) if worst < -below else (middle, high)
+    return problem, replace(funnel, rate=high)
+
+
+def test_a_margin_of_minus_1e_7_is_never_certified(candidate: Candidate) -> None:
+    problem, funnel = failing(candidate, 1e-7)
+    found = certify(problem, [funnel], workers=2)
+    assert found.verdict in (Verdict.INCONCLUSIVE, Verdict.SOLVER_FAILED)
+    assert found.document is None
+    assert "condition" in found.message
+    told = refute(problem, funnel)
+    assert told.verdict is Verdict.REFUTED
+    assert check_document(told.document).outcome is Outcome.REFUTED
+
+
+@pytest.mark.parametrize("spoil", ["stretched", "sheared", "slower", "faster"])
+def test_spoiled_candidates_are_certified_only_where_true(candidate: Candidate, spoil: str) -> None:
+    problem, funnel = candidate("circle", "tt", "paper")
+    shape = funnel.shape.copy()
+    if spoil == "stretched":
+        shape[1, 1] *= 1.15
+    elif spoil == "sheared":
+        shape[0, 1] = shape[1, 0] = -shape[0, 1]
+    rate = funnel.rate * {"slower": 0.5, "faster": 1.3}.get(spoil, 1.0)
+    spoiled = replace(funnel, shape=shape, rate=rate)
+    found = certify(problem, [spoiled], workers=2)
+    points = falsify(problem, problem.path.segments[0], spoiled)
+    if min(point.slack for point in points) < 0:
+        assert found.verdict is not Verdict.CERTIFIED
+        assert found.document is None
+    else:
+        assert found.margins is not None
+        assert found.margins[0] <= points[-1].slack
+
+
+@pytest.mark.parametrize("margin", [0.0, 1e-3, 0.1])
+def test_only_violations_are_refuted(candidate: Candidate, margin: float) -> None:
+    problem, funnel = candidate("circle", "tt", "paper")
+    points = falsify(problem, problem.path.segments[0], funnel)
+    truth = next(p.slack for p in points if p.condition == "d")
+    assert refute(problem, funnel, truth * 0.999, points).verdict is Verdict.INCONCLUSIVE
+    told = refute(problem, funnel, truth * 1.001 + margin, points)
+    assert told.verdict is Verdict.REFUTED
+    assert "condition (d)" in told.message
+    spoiled = json.loads(dump(told.document))
+    spoiled["witness"]["x"] = ["0"] * 4
+    assert check_document(spoiled, skip_hash=True).outcome is Outcome.BROKEN
+    spoiled = json.loads(dump(told.document))
+    spoiled["funnels"][0]["margin"] = "1/10"
+    assert check_document(spoiled, skip_hash=True).outcome is Outcome.BROKEN
+
+
+@pytest.mark.parametrize(
+    ("parts", "condition"),
+    [({"inlet": ball(0.6)}, "(a)"), ({"goal": ball(0.3)}, "(b)"), ({"safe": Box((1.0, 0.505, 1.0, 3.0))}, "(c)")],
+)
+def test_containments_are_refuted_with_a_witness(candidate: Candidate, parts: dict, condition: str) -> None:
+    problem, funnel = candidate("circle", "tt", "contracting")
+    told = refute(replace(problem, **parts), funnel)
+    assert told.verdict is Verdict.REFUTED
+    assert f"condition {condition} fails" in told.message
+
+
+def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate) -> None:
+    problem, funnel = candidate("circle", "tt", "paper")
+    segment = problem.path.segments[0]
+    chain = replace(problem, path=Path("chain", (segment, segment)))
+    with pytest.raises(InputError, match="expected 2 funnels"):
+        certify(chain, [funnel])
+    with pytest.raises(InputError, match="expected one segment"):
+        certify(chain, [funnel, funnel])
+    ramp = Segment(Profile.constant(0.0, 2.0), Profile((0.0, 2.0), ((1.0, 0.1),)), Pose(0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="constant turning rate and speed"):
+        certify(replace(problem, path=Path("ramp", (ramp,))), [funnel])
+    with pytest.raises(InputError, match="not negative"):
+        refute(problem, funnel, -1.0)
+    reaching = Funnel(Paper(), funnel.shape, 0.2, funnel.duration)
+    assert certify(problem, [reaching]).verdict is Verdict.INCONCLUSIVE
+
+
+def test_a_solver_that_fails_proves_nothing(candidate: Candidate, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, funnel = candidate("circle", "tt", "paper")
+    for status, grams in (("error: InsufficientProgress", None), ("user_limit", (np.eye(35), *[np.eye(15)] * 4))):
+        monkeypatch.setattr(certifier, "solve", lambda *_, s=status, g=grams: SosSolution(s, math.nan, g, 0.0))
+        found = certify(problem, [funnel])
+        assert (found.verdict, found.document) == (Verdict.SOLVER_FAILED, None)
+    # nonsense under a good status is found out by the exact replay
+    nonsense = (np.eye(35), *[np.eye(15)] * 4)
+    monkeypatch.setattr(certifier, "solve", lambda *_: SosSolution("optimal", 0.3, nonsense, 0.0))
+    assert certify(problem, [funnel]).verdict is Verdict.INCONCLUSIVE
