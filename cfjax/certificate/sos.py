@@ -89,6 +89,7 @@ def solve(
         identity = total == goal / scale
         problem = cp.Problem(cp.Maximize(margin), [identity])
         data, chain, inverse = problem.get_problem_data(cp.CLARABEL, solver_opts={})
+        assert chain is not None
     try:
         answer = chain.solve_via_data(problem, data)  # Clarabel alone: other threads go on
         with _CVXPY, warnings.catch_warnings():
@@ -97,9 +98,10 @@ def solve(
     except cp.SolverError as error:
         return SosSolution(f"error: {error}", float("nan"), None, time.perf_counter() - started)
     seconds = time.perf_counter() - started
-    if margin.value is None or any(gram.value is None for gram in grams):
+    found = [gram.value for gram in grams if gram.value is not None]
+    if margin.value is None or len(found) < len(grams):
         return SosSolution(str(problem.status), float("nan"), None, seconds)
-    values = tuple(0.5 * (g.value + g.value.T) * scale / s for g, s in zip(grams, scales, strict=True))
+    values = tuple(0.5 * (gram + gram.T) * scale / s for gram, s in zip(found, scales, strict=True))
     second = _second_moments(identity.dual_value, rows, variables)
     return SosSolution(str(problem.status), float(margin.value * scale), values, seconds, second)
 

@@ -20,7 +20,7 @@ from cfjax.check.rational import bits, sqrt_upper, upper_bound
 
 SUBINTERVALS = 256  # of the range on which a remainder is bounded; 256 bounds it to about one part in a hundred
 SERIES_ORDER = 8  # Taylor terms on each: the last one is evaluated on the whole subinterval
-LARGEST_EFFORT = 30_000_000  # products of coefficients; the circle's proof takes about a million
+LARGEST_EFFORT = 8_000_000  # products of coefficients; the circle's proof takes about a million
 LARGEST_DEGREE = 40
 LONGEST_COEFFICIENT = 20_000  # bits
 
