@@ -63,7 +63,7 @@ def shell_points(
     s: Float[Array, " k"],
 ) -> tuple[Float[Array, "k n"], Float[Array, " k"], Float[Array, "k n"]]:
     """From dual coordinates to deviations x, forms q and gradients ∇q; w in units of 1/half-axis of I, s ∈ [0, 1]."""
-    covector = w / instance.inlet
+    covector = w / jnp.asarray(instance.inlet)[None, :]
     pulled = covector @ factor
     low, high = template.shell(rate, instance.duration, instance.beta_lower)
     q = low + (high - low) * s
@@ -128,6 +128,6 @@ def containment_excess(
     inverse = factor @ factor.T  # C⁻¹
     end = template.level(rate, instance.duration)
     axes = jnp.stack([jnp.asarray(instance.inlet), jnp.asarray(instance.goal)])
-    in_inlet, in_goal = jnp.linalg.eigvalsh(inverse / (axes[:, :, None] * axes[:, None, :]))
+    in_inlet, in_goal = jnp.linalg.eigvalsh(inverse[None] / (axes[:, :, None] * axes[:, None, :]))
     widest = jnp.maximum(end, 1.0)
     return jnp.concatenate([1 - in_inlet, end * in_goal - 1, widest * jnp.diag(inverse) / instance.safe**2 - 1])
