@@ -1,6 +1,6 @@
 """The adversary of the checker: thousands of spoiled certificates, none of which may be accepted for something false.
 
-    python scripts/attack_certificates.py RUN_OR_CERTIFICATE... [--count 10000] [--seed 0] [--log attacks.jsonl]
+    python scripts/attack_certificates.py RUN_OR_CERTIFICATE... [--count 10000] [--candidates 50] [--log attacks.jsonl]
 
 Every attack is made with the hash renewed, so that only the content speaks. A spoiled file that the checker accepts is
 held against the truth by other means than the checker's: the dynamics evaluated in floating point on many points of the
@@ -563,6 +563,51 @@ ATTACKS: dict[str, tuple[Attack, int]] = {  # with weights
 }
 
 
+# --- spoiled candidates ----------------------------------------------------------------------------------------------
+
+
+def attack_candidate(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
+    """A funnel spoiled before it is proven: what the certifier then certifies has to be true."""
+    from cfjax.certificate import certify  # with JAX and a solver, which nothing else here needs
+    from cfjax.funnel import Funnel, template_named
+    from cfjax.problem import Box, Ellipsoid, KinematicBicycle, Method, Path, Pose, Problem, Profile, Segment
+
+    rng = random.Random(f"{seed}:candidate:{index}")
+    document = json.loads(rng.choice(bases))
+    spoil = rng.choice([failing_funnel, funnel_changed, sets_changed])
+    spoiled = spoil(rng, document)
+    question, entry, segment = spoiled["problem"], spoiled["funnels"][0], spoiled["problem"]["path"]["segments"][0]
+    duration = number(segment["duration"])
+    profiles = [
+        Profile.constant(number(segment[name]["coefficients"][0][0]), duration) for name in ("turn_rate", "speed")
+    ]
+    sets = question["sets"]
+    outcome: dict[str, Any] = {"index": f"candidate {index}", "attack": "candidate"}
+    started = time.perf_counter()
+    try:
+        problem = Problem(
+            path=Path(question["path"]["name"], (Segment(*profiles, Pose(0.0, 0.0, 0.0)),)),
+            inlet=Ellipsoid(tuple(number(a) for a in sets["inlet"]["half_axes"])),
+            goal=Ellipsoid(tuple(number(a) for a in sets["goal"]["half_axes"])),
+            safe=Box(tuple(number(a) for a in sets["safe"]["half_widths"])) if sets["safe"] else None,
+            vehicle=KinematicBicycle(**{k: number(v) for k, v in question["vehicle"]["parameters"].items()}),
+            method=Method(question["method"]),
+        )
+        shape = _symmetric([number(value) for value in entry["shape"]])
+        funnel = Funnel(
+            template_named(entry["template"]), shape, number(entry["rate"]), duration, number(entry["beta_lower"])
+        )
+        found = certify(problem, [funnel], workers=2)
+    except ValueError as error:  # the question itself is refused: sets that exclude each other, C not definite
+        return {**outcome, "outcome": "BROKEN", "message": str(error)[:300]}
+    outcome |= {"seconds": 0.0, "message": f"{spoil.__name__}: {found.verdict.value}: {found.message[:200]}"}
+    outcome["solved in"] = round(time.perf_counter() - started, 2)
+    if found.document is None:
+        return {**outcome, "outcome": "BROKEN"}
+    false = is_true(found.document, seed=index)
+    return {**outcome, "outcome": f"FALSE {false} CERTIFIED" if false else "true, accepted"}
+
+
 # --- the campaign ----------------------------------------------------------------------------------------------------
 
 
@@ -620,7 +665,7 @@ def table(entries: list[dict[str, Any]]) -> str:
     grouped = defaultdict(list)
     for entry in entries:
         grouped[entry["attack"]].append(entry)
-    for name in [*ATTACKS, "total"]:
+    for name in [*ATTACKS, "candidate", "total"]:
         rows = entries if name == "total" else grouped[name]
         counts = Counter(row["outcome"] for row in rows)
         reasons = Counter(
@@ -649,6 +694,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("certificates", nargs="+", type=Path, metavar="RUN_OR_CERTIFICATE")
     parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument(
+        "--candidates", type=int, default=0, help="funnels spoiled before they are proven, seconds each"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--log", type=Path, default=Path("attacks.jsonl"))
     options = parser.parse_args()
@@ -662,14 +710,16 @@ def main() -> int:
     entries = [json.loads(line) for line in lines if line.endswith("}")]
     done = {entry["index"] for entry in entries}
     with options.log.open("a") as log:
-        for index in range(options.count):
-            if index in done:
+        jobs = [(attack, k, k) for k in range(options.count)]
+        jobs += [(attack_candidate, k, f"candidate {k}") for k in range(options.candidates)]
+        for make, index, name in jobs:
+            if name in done:
                 continue
-            entries.append(attack(index, options.seed, bases))
+            entries.append(make(index, options.seed, bases))
             log.write(json.dumps(entries[-1]) + "\n")
             log.flush()
             if len(entries) % 500 == 0:
-                print(f"{len(entries)} of {options.count}, {len(failures(entries))} failures", flush=True)
+                print(f"{len(entries)} of {len(jobs)}, {len(failures(entries))} failures", flush=True)
     print(table(entries))
     for entry in failures(entries)[:20]:
         print(json.dumps(entry))

@@ -6,7 +6,7 @@ stands here; no other place writes the dynamics, the path or the sets a second t
 
 from cfjax.problem.deviation import affine_deviation, deviation_rate
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight
-from cfjax.problem.problem import Method, Problem, make_problem
+from cfjax.problem.problem import Method, Problem
 from cfjax.problem.sets import Box, Ellipsoid, ball
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
 
@@ -29,6 +29,5 @@ __all__ = [
     "ball",
     "circle",
     "deviation_rate",
-    "make_problem",
     "straight",
 ]

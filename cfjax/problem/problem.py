@@ -13,6 +13,9 @@ from cfjax.problem.sets import Box, Ellipsoid, ball
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Vehicle
 
 
+FOLLOWS = 1e-9  # relative: inputs that leave less than this of the reference's rate hold the vehicle on it
+
+
 class Method(enum.Enum):
     """Path following leaves the timing input u0 free in its interval, trajectory tracking fixes it at 1."""
 
@@ -72,28 +75,30 @@ class Problem:
         return len(self.vehicle.state_names)
 
     def feedforward(self, segment: Segment, theta: float) -> np.ndarray:
-        """Inputs (1, u_r) that hold the vehicle on the reference at θ, by least squares (exact where one exists)."""
+        """Inputs (1, u_r) that hold the vehicle on the reference at θ, by least squares.
+
+        Raises:
+            InputError: where no inputs do: the reference is no motion of this vehicle.
+        """
         drift, columns = affine_deviation(self.vehicle, jnp.zeros(self.dimension), segment.point(theta))
         rest = np.asarray(drift + columns[:, 0])
         u, *_ = np.linalg.lstsq(np.asarray(columns[:, 1:]), -rest, rcond=None)
+        left = np.abs(rest + np.asarray(columns[:, 1:]) @ u).max()
+        if left > FOLLOWS * max(1.0, np.abs(rest).max()):
+            raise InputError(
+                f"path: the reference at theta = {theta:.4g} s is no motion of the vehicle {self.vehicle.name}: "
+                f"its best inputs leave a rate of {left:.3g}"
+            )
         return np.concatenate([[1.0], u])
 
     def _check_reference(self, index: int, segment: Segment) -> None:
         grid = [0.0] if segment.is_steady else np.linspace(0.0, segment.duration, 201)
         for theta in grid:
-            inputs = self.feedforward(segment, float(theta))
+            point, inputs = segment.point(float(theta)), self.feedforward(segment, float(theta))
             for name, value, limits in zip(self.vehicle.input_names, inputs[1:], self.vehicle.input_box, strict=True):
                 if value not in limits:
-                    curvature = abs(segment.point(theta).turn_rate / segment.point(theta).speed)
+                    turning = f" (radius there: {abs(point.speed / point.turn_rate):.4g} m)" if point.turn_rate else ""
                     raise InputError(
                         f"path: segment {index} at theta = {theta:.4g} s needs {name} = {value:.4g}, but the vehicle's "
-                        f"{name} lies in [{limits.lower:g}, {limits.upper:g}] (radius there: {1 / curvature:.4g} m)"
-                        if curvature
-                        else f"path: segment {index} at theta = {theta:.4g} s needs {name} = {value:.4g}, but the "
-                        f"vehicle's {name} lies in [{limits.lower:g}, {limits.upper:g}]"
+                        f"{name} lies in [{limits.lower:g}, {limits.upper:g}]{turning}"
                     )
-
-
-def make_problem(path: Path, **parts: object) -> Problem:
-    """Problem with the paper's sets for the vehicle's dimension where none are given."""
-    return Problem(path, **parts)  # pyright: ignore[reportArgumentType]

@@ -1,5 +1,7 @@
 """The gradient learner: feasible answers, no recompilation, and what it says where there is no room."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ def test_schedule_parts_join() -> None:
     schedule = Schedule(900, (0.1, 1e-3), (1.0, 0.01), (0.2, 2e-4))
     parts = [schedule.part(k, 3, 0.0) for k in range(3)]
     assert [part.steps for part in parts] == [300] * 3
-    for before, after in zip(parts, parts[1:], strict=False):
+    for before, after in itertools.pairwise(parts):
         assert before.learning_rate[1] == pytest.approx(after.learning_rate[0])
         assert before.temperature[1] == pytest.approx(after.temperature[0])
     assert parts[0].learning_rate[0] == 0.1

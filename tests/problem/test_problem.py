@@ -4,7 +4,19 @@ import numpy as np
 import pytest
 
 from cfjax.errors import InputError
-from cfjax.problem import Box, Ellipsoid, Interval, KinematicBicycle, Method, Problem, Profile, ball, circle, straight
+from cfjax.problem import (
+    Box,
+    Ellipsoid,
+    Interval,
+    KinematicBicycle,
+    Method,
+    Problem,
+    Profile,
+    Twist,
+    ball,
+    circle,
+    straight,
+)
 
 
 S = Box((1.0, 1.0, 1.0, 3.0))
@@ -33,6 +45,18 @@ def test_bad_questions_are_refused(build, words: str) -> None:
         build()
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+class Crab(KinematicBicycle):
+    """Its reference slides sideways, which the bicycle cannot."""
+
+    def reference(self, turn_rate, speed):
+        return Twist(turn=turn_rate, lateral=0.5, forward=speed), (speed,)
+
+
+def test_reference_that_is_no_motion_of_the_vehicle_is_refused() -> None:
+    with pytest.raises(InputError, match="is no motion of the vehicle kinematic_bicycle: its best inputs leave a rate"):
+        Problem(circle(), vehicle=Crab())
 
 
 def test_tracking_fixes_the_timing_input() -> None:
