@@ -203,10 +203,16 @@ def steady_decrease(problem: Problem, segment: Segment, rounded: RoundedFunnel, 
 
     question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
     question = replace(question, enclosures=enclosures)
-    first = next(question.cells())
-    order = -(-int(question.target(first).total_degree()) // 2)
-    constraints = question.constraints(first)
-    return replace(question, degrees=(order, *(max(0, (2 * order - int(g.total_degree())) // 2) for g in constraints)))
+    return replace(question, degrees=_gram_degrees(question))
+
+
+def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
+    """Degrees of the monomials: the least for which both sides of the identity can have the same degree."""
+    cells = list(question.cells())
+    constraints = zip(*(question.constraints(cell) for cell in cells), strict=True)
+    limits = [max(int(g.total_degree()) for g in column) for column in constraints]
+    order = -(-max([int(question.target(cell).total_degree()) for cell in cells] + limits) // 2)
+    return (order, *((2 * order - limit) // 2 for limit in limits))
 
 
 def _certify_segment(

@@ -70,10 +70,9 @@ def steady_pieces(template: str, rate: fmpq, duration: fmpq, beta_lower: fmpq) -
     else:
         start, peak = beta_lower * min(low, one), max(high, one)
         rising, flat = (zero, 1 / beta_lower), (peak, zero)
-        pieces = [
-            LevelPiece(start, beta_lower * peak, (zero, rate), rising),
-            LevelPiece(beta_lower * peak, peak, (zero, rate), flat),
-        ]
+        pieces = [LevelPiece(beta_lower * peak, peak, (zero, rate), flat)]
+        if start < beta_lower * peak:  # else the level is constant
+            pieces.insert(0, LevelPiece(start, beta_lower * peak, (zero, rate), rising))
     if pieces[0].lower <= 0:
         raise ValueError("the shell reaches the reference: c0 T has to stay below beta_lower")
     return pieces

@@ -25,7 +25,7 @@ def campaign() -> ModuleType:
 
 
 def test_nothing_false_is_accepted(campaign: ModuleType, paper_text: str, contracting_text: str) -> None:
-    entries = [campaign.attack(index, 7, [paper_text, contracting_text]) for index in range(250)]
+    entries = [campaign.attack(index, 1, [paper_text, contracting_text]) for index in range(200)]
     assert campaign.failures(entries) == []
     assert {entry["attack"] for entry in entries} == set(campaign.ATTACKS)
     assert sum(entry["outcome"] == "true, accepted" for entry in entries) > 5  # the truth is told apart
@@ -53,7 +53,7 @@ def test_the_truth_sees_what_is_false(campaign: ModuleType, paper_text: str) -> 
 
 
 def test_hostile_files_are_refused_quickly(campaign: ModuleType, paper_text: str) -> None:
-    for index in range(50):
+    for index in range(40):
         content = campaign.hostile_file(random.Random(index), json.loads(paper_text))
         report, _ = campaign.judge(content)
         assert report.outcome in (Outcome.BROKEN, Outcome.UNREADABLE)

@@ -179,17 +179,19 @@ def test_every_field_is_needed_and_no_other_taken(certificate: dict[str, Any], p
             assert check_document(document, skip_hash=True).outcome in (Outcome.UNREADABLE, Outcome.BROKEN)
 
 
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads the peak of its memory from /proc")
 def test_memory_and_time(tmp_path: Path, contracting_text: str) -> None:
     """The promise is 10 s and 500 MB; both are far away."""
     (tmp_path / "certificate.json").write_text(contracting_text)
     program = (
-        "import resource, sys, time; started = time.perf_counter(); from cfjax.check.__main__ import main; "
+        "import time; started = time.perf_counter(); from cfjax.check.__main__ import main; "
         f"code = main([{str(tmp_path)!r}]); "
-        "print(code, time.perf_counter() - started, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        "peak = next(line for line in open('/proc/self/status') if line.startswith('VmHWM')); "
+        "print(code, time.perf_counter() - started, peak.split()[1])"
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True)
     code, seconds, kilobytes = done.stdout.split()[-3:]
     assert code == "0"
     assert float(seconds) < 10
-    assert float(kilobytes) < 500_000
+    assert float(kilobytes) < 100_000
