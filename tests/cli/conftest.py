@@ -9,6 +9,7 @@ from pathlib import Path
 import absl.logging
 import pytest
 
+import cfjax.report.plot
 import cfjax.synthesis
 import cfjax.train
 from cfjax.problem import Problem
@@ -18,7 +19,7 @@ from cfjax.synthesis import Options, Progress
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result]) -> None:
-    """synthesize returns a hand-made result, and no car is driven for the picture."""
+    """synthesize returns a hand-made result, and nothing is drawn."""
 
     def synthesize(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
         if progress is not None:
@@ -26,7 +27,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result]) -> 
         return hand_made(problem, options.template)
 
     monkeypatch.setattr(cfjax.synthesis, "synthesize", synthesize)
-    monkeypatch.setattr(cfjax.train, "_draw", lambda result, path: path.write_bytes(b"a picture"))
+    monkeypatch.setattr(cfjax.report.plot, "save_picture", lambda result, path: path.write_bytes(b"a picture"))
 
 
 @pytest.fixture

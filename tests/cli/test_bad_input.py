@@ -37,7 +37,7 @@ CASES = [
     (["+path=circle", "sets.inlet=[1,2]"], "sets.inlet: expected 4 numbers, one per state (alpha, x, y, v), got 2"),
     (["+path=circle", "sets.inlet=null"], "sets.inlet: expected a number or a list of 4 numbers, got None"),
     (["+path=circle", "sets.goal=-1"], "sets.goal: expected positive finite numbers, got -1"),
-    (["+path=circle", "sets.inlet=2"], "sets.inlet: reaches 2.0 in alpha, but has to lie inside sets.safe"),
+    (["+path=circle", "sets.inlet=2"], "sets.inlet: reaches 2.0 in alpha, but sets.safe, around it, ends at 1.0"),
     (["+path=circle", "sets=null"], "field 'sets' is not Optional"),
     (["+path=circle", "vehicle=truck"], "vehicle: expected one of parkour, got truck"),
     (["+path=circle", "vehicle.wheelbase=0"], "vehicle.wheelbase: expected a positive finite number, got 0.0"),

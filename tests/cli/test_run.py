@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+import cfjax.report.plot
 import cfjax.synthesis
 import cfjax.train
 from cfjax.problem import Problem
@@ -71,7 +72,7 @@ def test_picture_that_fails_costs_nothing(
     def broken(*_: object) -> None:
         raise RuntimeError("no ink")
 
-    monkeypatch.setattr(cfjax.train, "_draw", broken)
+    monkeypatch.setattr(cfjax.report.plot, "save_picture", broken)
     assert train("+path=circle", "hydra.run.dir=here") == 1
     assert "warning: funnel.png could not be drawn (RuntimeError: no ink)" in capfd.readouterr().err
     assert read_run(Path("here")).verdict is Verdict.INCONCLUSIVE

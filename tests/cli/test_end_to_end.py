@@ -1,0 +1,77 @@
+"""The main job as a user runs it: the real command, the files it leaves, and the checker on them."""
+
+import csv
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cfjax.conf import preset_names
+from cfjax.report.run_folder import read_run
+from cfjax.verdict import Verdict
+
+
+Command = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+def folder_of(run: "subprocess.CompletedProcess[str]", tmp_path: Path) -> Path:
+    last = run.stdout.splitlines()[-1]
+    assert last.startswith("run: ")
+    return tmp_path / last.removeprefix("run: ")
+
+
+def check(folder: Path) -> "subprocess.CompletedProcess[str]":
+    line = [sys.executable, "-m", "cfjax.check", str(folder)]
+    return subprocess.run(line, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("path", preset_names())
+def test_every_preset_ends_certified(command: Command, tmp_path: Path, path: str) -> None:
+    run = command(f"+path={path}", "template=paper", "cars=200")
+    assert run.returncode == 0, run.stderr
+    folder = folder_of(run, tmp_path)
+    result = json.loads((folder / "result.json").read_text())
+    assert result["verdict"] == "certified"
+    assert 0.97 * result["margin"]["falsified"] <= result["margin"]["certified"] <= result["margin"]["falsified"]
+    (segment,) = result["segments"]
+    assert {"duration", "C", "template", "c0", "beta", "beta_lower", "margin_certified"} <= segment.keys()
+    loop = result["closed_loop"]
+    assert (loop["cars"], loop["left_funnel"], loop["left_safe"], loop["missed_goal"]) == (200, 0, 0, 0)
+    assert result["inputs"] == {"u0": [0.5, 2.0], "w": [-1.0, 1.0], "thrust": [-4.0, 4.0]}
+    assert result["seconds"].keys() >= {"learn", "certify", "total"}
+    checked = check(folder)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    assert read_run(folder).verdict is Verdict.CERTIFIED
+    # the reference that is written is the one that the certificate speaks of
+    document = json.loads((folder / "certificate.json").read_text())
+    with (folder / "reference.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) >= 200 and float(rows[0]["theta"]) == 0.0
+    assert float(rows[-1]["theta"]) == segment["duration"]
+    assert document["funnels"][0]["margin"]
+    assert np.isclose(float(rows[0]["v"]), result["margin"]["certified"] / result["margin_per_metre"])
+
+
+def test_nothing_found_is_inconclusive_and_leaves_no_certificate(command: Command, tmp_path: Path) -> None:
+    run = command("+path=straight", "method=tt", "template=paper", "sets.goal=0.3", "rounds=1")
+    assert run.returncode == 1, run.stderr
+    folder = folder_of(run, tmp_path)
+    result = json.loads((folder / "result.json").read_text())
+    assert result["verdict"] == "inconclusive"
+    assert result["margin"]["certified"] is None
+    assert not (folder / "certificate.json").exists()
+    assert check(folder).returncode == 2
+    assert (folder / "funnel.png").exists()
+
+
+def test_thin_shell_has_a_tracking_funnel(command: Command, tmp_path: Path) -> None:
+    run = command("+path=straight", "method=tt", "template=paper", "beta_lower=0.98", "cars=100")
+    assert run.returncode == 0, run.stderr
+    result = json.loads((folder_of(run, tmp_path) / "result.json").read_text())
+    assert result["segments"][0]["beta_lower"] == 0.98
+    assert result["inputs"]["u0"] == [1.0, 1.0]
+    assert result["margin"]["certified"] > 0.06
