@@ -14,6 +14,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from cfjax.errors import InputError
     from cfjax.funnel import Contracting, Funnel, Paper
+    from cfjax.options import Options
     from cfjax.problem import (
         Box,
         Ellipsoid,
@@ -28,14 +29,14 @@ if TYPE_CHECKING:
         straight,
     )
     from cfjax.result import Result
-    from cfjax.synthesis import Options, synthesize
+    from cfjax.synthesis import synthesize
     from cfjax.verdict import Verdict
 
 _WHERE = {
     "InputError": "errors",
     "Verdict": "verdict",
     "Result": "result",
-    "Options": "synthesis",
+    "Options": "options",
     "synthesize": "synthesis",
     **dict.fromkeys(("Contracting", "Funnel", "Paper"), "funnel"),
     **dict.fromkeys(

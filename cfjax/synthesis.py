@@ -2,18 +2,18 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from cfjax.certificate import certify
-from cfjax.errors import InputError
 from cfjax.falsifier import falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn
+from cfjax.options import Options, Progress
 from cfjax.problem import Problem, Segment
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation import drive_cars
@@ -21,31 +21,6 @@ from cfjax.verdict import Verdict
 
 
 GOOD_SHARE = 0.97  # certified over falsified margin: a proof that falls further behind is worth another round
-
-Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to look for a funnel; the problem says for what."""
-
-    template: str = "contracting"  # or "paper"
-    learner: str = "gradient"
-    beta_lower: float = 0.9  # shell [beta_lower, 1] on which V has to decrease
-    restarts: int = 4
-    seed: int = 0
-    rounds: int = 3  # of the learn–certify loop, at most
-    cars: int = 10_000  # driven through the funnel; 0 for none
-
-    def __post_init__(self) -> None:
-        template_named(self.template)
-        if self.learner != "gradient":
-            raise InputError(f"learner: expected gradient, got {self.learner}")
-        if not 0 < self.beta_lower < 1:
-            raise InputError(f"beta_lower: expected a number between 0 and 1, got {self.beta_lower}")
-        for name, least in (("restarts", 1), ("rounds", 1), ("cars", 0), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"{name}: expected a whole number of at least {least}, got {getattr(self, name)}")
 
 
 def synthesize(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
@@ -138,9 +113,7 @@ class _Search:
     def _certify(self, segment: Segment, learned: Learned) -> tuple[Result, Float[np.ndarray, "k n"]]:
         """Certify, and falsify what was certified: rounding has moved it a little."""
         with self.timed("certify"):
-            found = certify(
-                self.problem, [learned.funnel], progress=self.progress, workers=len(os.sched_getaffinity(0))
-            )
+            found = certify(self.problem, [learned.funnel], progress=self.progress, workers=_cores())
         with self.timed("learn"):
             funnel = found.funnels[0] if found.funnels else learned.funnel
             worst = {point.condition: point for point in falsify(self.problem, segment, funnel, seed=self.options.seed)}
@@ -158,6 +131,10 @@ class _Search:
     ) -> Result:
         segments = (SegmentResult(funnel, margin),) if funnel is not None else ()
         return Result(verdict, message, self.problem, segments)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _rank(result: Result) -> tuple[float, float]:

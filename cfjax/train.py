@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
     from cfjax.conf import Config
+    from cfjax.options import Options
     from cfjax.problem import Problem
     from cfjax.result import Result
-    from cfjax.synthesis import Options
 
 CERTIFIED, NOT_CERTIFIED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 

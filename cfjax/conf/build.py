@@ -11,8 +11,8 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig
 from cfjax.errors import InputError
+from cfjax.options import Options
 from cfjax.problem import Box, Ellipsoid, Interval, Method, Problem
-from cfjax.synthesis import Options
 
 
 def typed(node: DictConfig) -> Config:

@@ -12,8 +12,8 @@ import numpy as np
 from omegaconf import MISSING
 
 from cfjax.errors import InputError
+from cfjax.options import Options
 from cfjax.problem import KinematicBicycle, Path, Vehicle, circle, straight
-from cfjax.synthesis import Options
 
 
 @dataclass

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-from cfjax.synthesis import Progress as Callback
+from cfjax.options import Progress as Callback
 
 
 @contextmanager

@@ -12,9 +12,9 @@ import pytest
 import cfjax.report.plot
 import cfjax.synthesis
 import cfjax.train
+from cfjax.options import Options, Progress
 from cfjax.problem import Problem
 from cfjax.result import Result
-from cfjax.synthesis import Options, Progress
 
 
 @pytest.fixture
