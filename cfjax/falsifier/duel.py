@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 
 from cfjax.funnel import Template
 from cfjax.funnel.conditions import Instance, containment_excess, decrease_margins
-from cfjax.problem import Vehicle, affine_deviation
+from cfjax.problem import ReferencePoint, Vehicle, affine_deviation
 from cfjax.problem.vehicle import Scalar
 
 
@@ -170,13 +170,18 @@ def _run(
     return factor, change, points, margins(factor, change, points, 0.0)
 
 
+@partial(jax.jit, static_argnames="vehicle")
+def _columns(vehicle: Vehicle, x: Float[Array, "k n"], reference: ReferencePoint) -> Float[Array, "k n m"]:
+    return jax.vmap(lambda one: affine_deviation(vehicle, one, reference)[1])(x)
+
+
 def ridge_coordinates(vehicle: Vehicle, instance: Instance) -> Float[np.ndarray, " n"]:
     """Which coordinates of the covector decide alone about an input's authority: 1 for each, else 0.
 
     An input attacks one state alone if its column of the dynamics has one entry that is not zero, wherever one looks.
     """
     probes = np.random.default_rng(0).normal(size=(8, len(instance.inlet))) * np.asarray(instance.inlet)[None, :]
-    columns = jax.jit(jax.vmap(lambda x: affine_deviation(vehicle, x, instance.reference)[1]))(jnp.asarray(probes))
+    columns = _columns(vehicle, jnp.asarray(probes), instance.reference)
     ridges = np.zeros(len(instance.inlet))
     for column in np.abs(np.asarray(columns)).max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column > 1e-12) == 1:

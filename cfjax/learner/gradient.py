@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax.falsifier.duel import Particles, Schedule, duel, ridge_coordinates, spawn
-from cfjax.falsifier.falsifier import GROUP_SIZE, SEARCH, falsify, hunt, margin_scale
+from cfjax.falsifier.falsifier import GROUP_SIZE, GROUPS, SEARCH, falsify, hunt, margin_scale
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import Instance, dual_coordinates, instance_of
 from cfjax.problem import Method, Problem, Segment
@@ -195,12 +195,11 @@ def _inside(template: Template, instance: Instance, factor: Float[np.ndarray, "n
 def _quick_margins(
     problem: Problem, template: Template, instance: Instance, funnels: list[Funnel], rng: np.random.Generator
 ) -> list[float]:
-    """Falsified margins of all candidates, one hunt each; batched in the shapes that are compiled already."""
+    """Falsified margins of all candidates, one hunt each, in groups of the falsifier's own shape."""
     margins: list[float] = []
-    batch = max(1, min(4, len(funnels)))
-    for k in range(0, len(funnels), batch):
-        some = funnels[k : k + batch]
-        padded = some + some[-1:] * (batch - len(some))
+    for k in range(0, len(funnels), GROUPS):
+        some = funnels[k : k + GROUPS]
+        padded = some + some[-1:] * (GROUPS - len(some))
         factor = np.stack([np.linalg.cholesky(np.linalg.inv(funnel.shape)) for funnel in padded])
         change = np.array([funnel.rate * funnel.duration for funnel in padded])
         found = hunt(problem.vehicle, template, instance, factor, change, rng, SEARCH)
