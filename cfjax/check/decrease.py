@@ -24,7 +24,7 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
-from cfjax.check.rational import exp_bounds, is_positive_definite, sqrt_upper
+from cfjax.check.rational import bits, exp_bounds, is_positive_definite, sqrt_upper
 
 
 Matrix = Sequence[Sequence[fmpq]]
@@ -212,22 +212,30 @@ class SteadyDecrease:
         piece = self.pieces[cell.piece]
         # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q
         remainder = rate.remainder_polynomial(sqrt_upper(piece.lower))
-        return -(rate.polynomial + self.timing(piece) * u0) - remainder
+        demand = self.domain.sum(rate.polynomial, self.timing(piece) * u0)
+        return self.domain.negative(self.domain.sum(demand, remainder))
+
+    @cached_property
+    def slopes(self) -> dict[str, fmpq_mpoly]:
+        """∂q̇/∂(input i) for each free input, as the proof has it."""
+        found = {}
+        for name in self.free_inputs:
+            lower, upper = self.inputs[name]
+            bottom = {label: low for label, (low, _) in self.inputs.items()}
+            ends = (self.form_rates[tuple((bottom | {name: end}).values())].polynomial for end in (lower, upper))
+            low, high = (self.domain.product(end, self.ring.constant(1 / (upper - lower))) for end in ends)
+            found[name] = self.domain.sum(high, self.domain.negative(low))
+        return found
 
     def constraints(self, cell: Cell) -> list[fmpq_mpoly]:
         """Polynomials that are not negative on the cell: ± s_i, q − q_lo, q_hi − q."""
         piece = self.pieces[cell.piece]
         found = []
         for name, sign in zip(self.free_inputs, cell.signs, strict=True):
-            index = list(self.inputs).index(name)
-            lower, upper = self.inputs[name]
-            corner = [low for low, _ in self.inputs.values()]
-            bottom = self.form_rates[tuple(corner)].polynomial
-            corner[index] = upper
-            slope = (self.form_rates[tuple(corner)].polynomial - bottom) / (upper - lower)
+            slope = self.slopes[name]
             if name == "u0":
-                slope += self.timing(piece)
-            found.append(sign * slope)
+                slope = self.domain.sum(slope, self.timing(piece))
+            found.append(slope if sign > 0 else self.domain.negative(slope))
         return [*found, self.form - piece.lower, piece.upper - self.form]
 
     def proven_margin(self, proof: CellProof) -> fmpq:
@@ -239,17 +247,19 @@ class SteadyDecrease:
             ValueError: names what is not as it has to be.
         """
         cell, piece = proof.cell, self.pieces[proof.cell.piece]
-        left = self.target(cell) - proof.margin * self.drop(piece)
+        left = self.domain.sum(self.target(cell), -proof.margin * self.drop(piece))
         factors = [self.ring.constant(1), *self.constraints(cell)]
         if len(proof.grams) != len(factors) or len(self.degrees) != len(factors):
             raise ValueError(f"expected {len(factors)} Gram matrices, got {len(proof.grams)}")
         for index, (factor, gram, basis) in enumerate(zip(factors, proof.grams, self.bases, strict=True)):
             if len(gram) != len(basis):
                 raise ValueError(f"Gram matrix {index} has {len(gram)} rows, expected {len(basis)}")
-            self.domain.budget.spend(len(basis) ** 3)
+            longest = max(bits(entry) for i, row in enumerate(gram) for entry in row[: i + 1])  # the elimination's numbers grow row by row
+            self.domain.budget.spend(len(basis) ** 3 * (1 + len(basis) * longest // 2048))
             if not is_positive_definite(gram):
                 raise ValueError(f"Gram matrix {index} is not positive definite")
-            left -= self.domain.product(factor, quadratic_form(self.ring, gram, basis))
+            square = self.domain.product(factor, quadratic_form(self.ring, gram, basis))
+            left = self.domain.sum(left, self.domain.negative(square))
         return proof.margin - self.domain.bound(left) / piece.least_drop
 
 

@@ -26,9 +26,10 @@ MOST_INPUTS = 4  # u0 among them
 MOST_NODES = 400
 MOST_FUNCTIONS = 32  # nodes that apply sin, cos, …
 MOST_MONOMIALS = 128  # rows of a Gram matrix
-MOST_CELLS = 1024
+MOST_CELLS = 32  # two pieces, sixteen patterns of the signs of four inputs
+MOST_GRAM_ENTRIES = 300_000  # of the whole proof; a circle's takes about 20 000
 MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
-LONGEST_GRAM_ENTRY = 2**256
+LARGEST_GRAM_ENTRY = 2**64  # a circle's reach 2^36
 
 
 @dataclass(frozen=True)
@@ -173,8 +174,8 @@ def _problem(item: Item) -> ProblemClaim:
 def _vehicle(item: Item) -> VehicleClaim:
     name, parameters, states, dynamics = item.record("name", "parameters", "states", "dynamics")
     nodes, outputs = dynamics.record("nodes", "outputs")
-    labels = tuple(state.text() for state in states.items(MOST_STATES))
-    if len(set(labels)) != len(labels) or any(":" in label for label in labels):
+    labels = tuple(state.label() for state in states.items(MOST_STATES))
+    if len(set(labels)) != len(labels):
         states.refuse("distinct plain names")
     operations = nodes.items(MOST_NODES)
     try:
@@ -203,7 +204,7 @@ def _node(item: Item) -> Node:
 
 def _input(item: Item) -> tuple[str, tuple[fmpq, fmpq]]:
     name, lower, upper = item.record("name", "lower", "upper")
-    return name.text(), (lower.rational(), upper.rational())
+    return name.label(), (lower.rational(), upper.rational())
 
 
 def _segment(item: Item) -> SegmentClaim:
@@ -272,7 +273,10 @@ def _steady_hints(item: Item, problem: ProblemClaim) -> SteadyHints:
             fields[4].rational(),
             fields[5].rational(),
         )
-    for entry in cells.items(MOST_CELLS):
+    entries = cells.items(MOST_CELLS)
+    if len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes) > MOST_GRAM_ENTRIES:
+        cells.refuse(f"Gram matrices with at most {MOST_GRAM_ENTRIES} entries together")
+    for entry in entries:
         piece, signs, margin, grams = entry.record("piece", "signs", "margin", "grams")
         key = piece.integer(0, MOST_CELLS), tuple(sign.integer(-1, 1) for sign in signs.items(MOST_INPUTS, least=0))
         if key in by_cell:
@@ -291,5 +295,5 @@ def _gram(item: Item, size: int) -> Matrix:
     exponent, lower = item.record("exponent", "lower")
     scale = fmpq(1, 2 ** exponent.integer(0, 200))
     length = size * (size + 1) // 2
-    entries = [scale * entry.integer(-LONGEST_GRAM_ENTRY, LONGEST_GRAM_ENTRY) for entry in lower.items(length, length)]
+    entries = [scale * entry.integer(-LARGEST_GRAM_ENTRY, LARGEST_GRAM_ENTRY) for entry in lower.items(length, length)]
     return unpack_triangle(entries, size)

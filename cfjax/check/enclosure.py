@@ -15,7 +15,7 @@ from functools import lru_cache
 
 from flint import arb, arb_series, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpq_poly
 
-from cfjax.check.rational import bits, sqrt_upper, upper_bound
+from cfjax.check.rational import bits, decimal_text, sqrt_upper, upper_bound
 
 
 SUBINTERVALS = 256  # of the range on which a remainder is bounded; 256 bounds it to about one part in a hundred
@@ -23,9 +23,16 @@ SERIES_ORDER = 8  # Taylor terms on each: the last one is evaluated on the whole
 LARGEST_EFFORT = 8_000_000  # products of coefficients; the circle's proof takes about a million
 LARGEST_DEGREE = 40
 LONGEST_COEFFICIENT = 20_000  # bits
+MOST_TERMS = 20_000  # of a polynomial; the circle's have less than a thousand
+LONGEST_UNARY_NUMBER = 256  # bits of coefficients and bound of a `UnaryEnclosure`, proven on every subinterval
+LONGEST_UNARY_END = 64  # bits of the ends of its range, which stand in powers there; the certifier's take about 20
+SMALLEST_REMAINDER = fmpq(1, 2**4096)  # smaller ones are replaced by it, so that none grows longer and longer
+LARGEST_REMAINDER = fmpq(2**LONGEST_COEFFICIENT)
 
 Remainder = tuple[fmpq, fmpq, fmpq]  # ε₀, ε₁, ε₂
 NO_REMAINDER: Remainder = (fmpq(0), fmpq(0), fmpq(0))
+
+TOO_LARGE = "a polynomial of the proof grows beyond what the checker takes"
 
 
 @dataclass(frozen=True)
@@ -43,6 +50,12 @@ class UnaryEnclosure:
     bound: fmpq
 
     def __post_init__(self) -> None:
+        for numbers, most in (
+            ((*self.coefficients, self.bound), LONGEST_UNARY_NUMBER),
+            ((self.lower, self.upper), LONGEST_UNARY_END),
+        ):
+            if max(map(bits, numbers)) > most:
+                raise ValueError(f"the enclosure of {self.function} has a number of more than {most} bits")
         if proven_bound(self.function, self.coefficients, self.lower, self.upper) > self.bound:
             raise ValueError(f"the remainder of {self.function} is larger than its enclosure claims")
 
@@ -137,21 +150,46 @@ class Domain:
         """
         if not len(first) or not len(second):
             return self.ring.constant(0)
-        length = sum(max(map(bits, factor.coeffs())) for factor in (first, second))
+        length = self._length(first) + self._length(second)
         if first.total_degree() + second.total_degree() > LARGEST_DEGREE or length > LONGEST_COEFFICIENT:
-            raise ValueError("a polynomial of the proof grows beyond what the checker takes")
+            raise ValueError(TOO_LARGE)
         self.budget.spend(len(first) * len(second) * (1 + length // 512))
-        return first * second
+        result = first * second
+        if len(result) > MOST_TERMS:
+            raise ValueError(TOO_LARGE)
+        return result
+
+    def sum(self, first: fmpq_mpoly, second: fmpq_mpoly) -> fmpq_mpoly:
+        """first + second, paid for likewise."""
+        length = self._length(first) + self._length(second)  # of coefficients without a common denominator
+        if len(first) + len(second) > MOST_TERMS or length > LONGEST_COEFFICIENT:
+            raise ValueError(TOO_LARGE)
+        self.budget.spend((len(first) + len(second)) * (1 + length // 512))
+        return first + second
+
+    def negative(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+        """−polynomial, paid for likewise."""
+        self.budget.spend(len(polynomial) * (1 + self._length(polynomial) // 512))
+        return -polynomial
+
+    def _length(self, polynomial: fmpq_mpoly) -> int:
+        """Bits of the longest coefficient: a look at each of them."""
+        self.budget.spend(4 * len(polynomial))
+        return max(map(bits, polynomial.coeffs()), default=0)
 
     def sizes(self, polynomial: fmpq_mpoly) -> list[fmpq]:
-        """Rationals c_d with |polynomial(y)| ≤ Σ c_d |y|^d: Cauchy–Schwarz on each homogeneous part."""
-        self.budget.spend(4 * len(polynomial))
-        squares: dict[int, fmpq] = {}
+        """Rationals c_d with |polynomial(y)| ≤ Σ c_d |y|^d: Cauchy–Schwarz on each homogeneous part.
+
+        In balls: coefficients may be long, and what is wanted is short.
+        """
+        self.budget.spend(16 * len(polynomial))
+        squares: dict[int, arb] = {}
         for monomial, coefficient in polynomial.to_dict().items():
             exponents = tuple(map(int, monomial))
             degree = sum(exponents)
-            squares[degree] = squares.get(degree, fmpq(0)) + _cauchy_schwarz(coefficient, exponents)
-        return [sqrt_upper(squares.get(degree, fmpq(0))) for degree in range(max(squares, default=0) + 1)]
+            squares[degree] = squares.get(degree, arb(0)) + _cauchy_schwarz(arb(coefficient), exponents)
+        zero = arb(0)
+        return [upper_bound(squares.get(degree, zero).sqrt()) for degree in range(max(squares, default=0) + 1)]
 
     def bound(self, polynomial: fmpq_mpoly) -> fmpq:
         """A rational that is at least max |polynomial| over the ball."""
@@ -163,17 +201,27 @@ class Domain:
         return sqrt_upper(self.radius_squared)
 
     def remainder_product(self, first: Sequence[fmpq], second: Sequence[fmpq]) -> Remainder:
-        """(Σ a_k |y|^k)(Σ b_k |y|^k) for a_k, b_k ≥ 0, with |y|^k ≤ r^{k−2} |y|² for k > 2."""
+        """(Σ a_k |y|^k)(Σ b_k |y|^k) for a_k, b_k ≥ 0, with |y|^k ≤ r^{k−2} |y|² for k > 2.
+
+        Raises:
+            ValueError: where the remainder says nothing any more.
+        """
         result = [fmpq(0), fmpq(0), fmpq(0)]
         for i, a in enumerate(first):
             for j, b in enumerate(second):
                 result[min(i + j, 2)] += a * b * self.radius ** max(i + j - 2, 0)
-        # rounded up to arb's precision, or the numbers would grow longer with every operation
-        zeroth, linear, square = (upper_bound(arb(value)) if value else value for value in result)
+        zeroth, linear, square = map(_short_remainder, result)
         return zeroth, linear, square
 
 
-def _cauchy_schwarz(coefficient: fmpq, monomial: tuple[int, ...]) -> fmpq:
+def _short_remainder(value: fmpq) -> fmpq:
+    """Rounded up to arb's precision, or remainders would grow longer with every operation."""
+    if value > LARGEST_REMAINDER:
+        raise ValueError(TOO_LARGE)
+    return upper_bound(arb(max(value, SMALLEST_REMAINDER))) if value else value
+
+
+def _cauchy_schwarz(coefficient: arb, monomial: tuple[int, ...]) -> arb:
     """coefficient² over the multinomial number: (Σ c_m y^m)² ≤ (Σ c_m²/multinomial_m) |y|^{2d} at degree d."""
     multinomial, placed = 1, 0
     for exponent in monomial:
@@ -192,13 +240,14 @@ class Enclosure:
     remainder: Remainder = NO_REMAINDER
 
     def __add__(self, other: "Enclosure") -> "Enclosure":
-        return Enclosure(self.domain, self.polynomial + other.polynomial, _sum(self.remainder, other.remainder))
+        total = self.domain.sum(self.polynomial, other.polynomial)
+        return Enclosure(self.domain, total, _sum(self.remainder, other.remainder))
 
     def __sub__(self, other: "Enclosure") -> "Enclosure":
-        return Enclosure(self.domain, self.polynomial - other.polynomial, _sum(self.remainder, other.remainder))
+        return self + -other
 
     def __neg__(self) -> "Enclosure":
-        return Enclosure(self.domain, -self.polynomial, self.remainder)
+        return Enclosure(self.domain, self.domain.negative(self.polynomial), self.remainder)
 
     def __mul__(self, other: "Enclosure") -> "Enclosure":
         remainder = self.domain.remainder_product(self.remainder, other.remainder)
@@ -234,8 +283,8 @@ class Enclosure:
         lower, upper = self.range()
         if not unary.lower <= lower <= upper <= unary.upper:
             raise ValueError(
-                f"the argument of {unary.function} reaches from {float(lower):.6g} to {float(upper):.6g}, "
-                f"its enclosure only from {float(unary.lower):.6g} to {float(unary.upper):.6g}"
+                f"the argument of {unary.function} reaches from {decimal_text(lower)} to {decimal_text(upper)}, "
+                f"its enclosure only from {decimal_text(unary.lower)} to {decimal_text(unary.upper)}"
             )
         result = self.domain.ring.constant(0)
         for coefficient in reversed(unary.coefficients):

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from decimal import ROUND_HALF_EVEN, Context, Decimal, Inexact
 from fractions import Fraction
 
 from flint import arb, ctx, fmpq, fmpq_mat
@@ -9,6 +10,9 @@ from flint import arb, ctx, fmpq, fmpq_mat
 
 LARGEST_EXPONENT = 64
 PRECISION_BITS = 128  # of the arb balls that bound π, exponentials and square roots
+LONGEST_DYADIC = 2**16  # bits of what a ball may become: its exponent is a number of any size
+EXACT_DIGITS = 17  # a decimal that is exact is printed in full up to this length, any float's shortest form among them
+ROUNDED_DIGITS = 6
 
 ctx.prec = PRECISION_BITS
 
@@ -22,9 +26,10 @@ def rational(value: "float | int | str | fmpq") -> fmpq:
 
 
 def _dyadic(ball: arb) -> fmpq:
-    mantissa, exponent = ball.man_exp()
-    scale = fmpq(2) ** int(exponent)
-    return fmpq(int(mantissa)) * scale
+    mantissa, exponent = (int(part) for part in ball.man_exp())
+    if abs(exponent) > LONGEST_DYADIC:
+        raise ValueError("a bound is too large or too small a number for this checker")
+    return fmpq(mantissa) * fmpq(2) ** exponent
 
 
 def upper_bound(ball: arb) -> fmpq:
@@ -67,19 +72,26 @@ def bits(value: fmpq) -> int:
     return max(int(value.p).bit_length(), int(value.q).bit_length())
 
 
-def decimal_down(value: fmpq, digits: int = 6) -> str:
-    """The decimal with that many significant digits that is at most the (positive) rational."""
-    exact = Fraction(int(value.p), int(value.q))
-    if exact <= 0:
-        raise ValueError(f"expected a positive number, got {value}")
-    places = digits - 1
-    while exact * 10**places >= 10**digits and places > 0:
-        places -= 1
-    while exact * 10**places < 10 ** (digits - 1):
-        places += 1
-    whole = exact.numerator * 10**places // exact.denominator
-    text = str(whole).rjust(places + 1, "0")
-    return f"{text[:-places]}.{text[-places:]}" if places else text
+def decimal_text(value: fmpq, rounding: str = ROUND_HALF_EVEN) -> str:
+    """The rational itself where its decimal is short, else six significant digits, rounded as told (`decimal.ROUND_…`).
+
+    For a number of any size; `ROUND_FLOOR` gives a decimal that is at most the rational, `ROUND_CEILING` at least.
+    """
+    above, below = Decimal(int(value.p)), Decimal(int(value.q))
+    exact = Context(prec=EXACT_DIGITS)
+    result = exact.divide(above, below)
+    if exact.flags[Inexact]:
+        result = Context(prec=ROUNDED_DIGITS, rounding=rounding).divide(above, below)
+    else:
+        result = exact.normalize(result)
+    return f"{result:f}" if -ROUNDED_DIGITS <= result.adjusted() < EXACT_DIGITS else f"{result:e}"
+
+
+def about(value: fmpq) -> str:
+    """The rational as a decimal that says so where it is rounded."""
+    text = decimal_text(value)
+    exact = Fraction(text) == Fraction(int(value.p), int(value.q))
+    return text if exact else f"about {text}"
 
 
 def float_below(value: fmpq) -> float:

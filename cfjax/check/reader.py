@@ -13,10 +13,11 @@ from typing import NoReturn
 from flint import fmpq
 
 
-LARGEST_FILE = 16 * 2**20  # bytes; a circle's certificate takes about 0.2 MB
+LARGEST_FILE = 8 * 2**20  # bytes; a circle's certificate takes about 0.2 MB
 LONGEST_NUMBER = 400  # decimal digits of a numerator or denominator
 LONGEST_TEXT = 64
 RATIONAL = re.compile(r"-?[0-9]+(/[0-9]+)?")
+LABEL = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 TEXT = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_. :-]*[A-Za-z0-9_.])?")
 
 
@@ -49,14 +50,15 @@ class Item:
         if self.value.keys() != set(names):
             odd = sorted(self.value.keys() ^ set(names))[0]
             what = "missing" if odd in names else "unknown"
-            raise Unreadable(f"{self.where}: field {odd[:LONGEST_TEXT]!a} is {what}")
+            place = f"{self.where}: " if self.where else ""
+            raise Unreadable(f"{place}field {odd[:LONGEST_TEXT]!a} is {what}")
         return [Item(self.value[name], f"{self.where}.{name}" if self.where else name) for name in names]
 
     def entries(self, most: int, least: int = 1) -> list[tuple[str, "Item"]]:
         """Names and values of an object with names of its own."""
         if not isinstance(self.value, dict) or not least <= len(self.value) <= most:
             self.refuse(f"an object with {least} to {most} fields")
-        return [(Item(k, self.where).text(), Item(v, f"{self.where}.{k}")) for k, v in self.value.items()]
+        return [(Item(k, self.where).label(), Item(v, f"{self.where}.{k}")) for k, v in self.value.items()]
 
     def items(self, most: int, least: int = 1) -> list["Item"]:
         if not isinstance(self.value, list) or not least <= len(self.value) <= most:
@@ -72,6 +74,12 @@ class Item:
     def text(self) -> str:
         if not isinstance(self.value, str) or len(self.value) > LONGEST_TEXT or not TEXT.fullmatch(self.value):
             self.refuse(f"a name of at most {LONGEST_TEXT} plain characters")
+        return self.value
+
+    def label(self) -> str:
+        """A name that stands in a sentence without quotes."""
+        if not isinstance(self.value, str) or len(self.value) > LONGEST_TEXT or not LABEL.fullmatch(self.value):
+            self.refuse(f"a name of at most {LONGEST_TEXT} letters, digits and _ . -")
         return self.value
 
     def choice(self, *allowed: str) -> str:

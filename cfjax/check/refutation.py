@@ -49,8 +49,10 @@ def confirm_witness(problem: ProblemClaim, segment: SegmentClaim, funnel: Funnel
     if witness.condition == "c":
         outside = problem.safe is not None and any(abs(xi) > si for xi, si in zip(x, problem.safe, strict=True))
         if not (inside and (outside or heading >= pi_upper())):
-            raise Broken("witness: not a deviation outside the safe set S at which V is 1 or less")
-        return "condition (c) fails: V is not above 1 at a deviation outside the safe set S"
+            raise Broken("witness: not a deviation outside the safe set S, or beyond pi, at which V is 1 or less")
+        if outside:
+            return "condition (c) fails: V is not above 1 at a deviation outside the safe set S"
+        return "condition (c) fails: V is not above 1 at a deviation whose heading is pi or more, where it wraps"
 
     if heading >= pi_lower():
         raise Broken("witness: its heading lies beyond where it wraps")

@@ -3,9 +3,13 @@
 A file that says "funnel" is answered with PROVEN only if, for the vehicle, path, sets and inputs that stand in it,
 conditions (a), (b), (c) hold as matrix inequalities and (d) holds with the margin λ on every sign cell of every piece
 of the shell. A file that says "refutation" is answered with REFUTED only if its witness violates a condition.
+
+What is printed follows from what is proven: a number without a short decimal form is rounded so that the sentence says
+less, or is said to be "about" its decimal where it only names what the file speaks of.
 """
 
 from collections.abc import Mapping
+from decimal import ROUND_CEILING, ROUND_FLOOR
 from pathlib import Path
 
 from flint import fmpq
@@ -22,7 +26,7 @@ from cfjax.check.document import (
     read_certificate,
 )
 from cfjax.check.enclosure import UnaryEnclosure
-from cfjax.check.rational import decimal_down
+from cfjax.check.rational import about, decimal_text
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness
 from cfjax.check.report import Outcome, Report
@@ -83,11 +87,12 @@ def _proven(certificate: Certificate) -> Report:
     margins = tuple(funnel.margin for funnel in certificate.funnels)
     arrival = duration / fastest, duration / slowest
     message = (
-        f"PROVEN: a control funnel function for {vehicle} along {_path(problem)}. {_sets(problem)} From every start in "
-        f"I at theta = 0, inputs {_inputs(problem)} suffice to keep the car in the funnel "
-        f"V <= 1 ({_funnels(certificate)}), inside {_safe(problem)}, until it arrives in G after "
-        f"{float(arrival[0]):.6g} to {float(arrival[1]):.6g} s; "
-        f"V decreases there with margin lambda = {decimal_down(min(margins))} 1/s or more."
+        f"PROVEN: a control funnel function for {vehicle} along {_path(problem)}. "
+        f"{_sets(problem, ROUND_FLOOR, ROUND_CEILING)} From every start in I at theta = 0, inputs "
+        f"{_inputs(problem, ROUND_FLOOR, ROUND_CEILING)} suffice to keep the car in the funnel V <= 1 "
+        f"({_funnels(certificate, ROUND_CEILING)}), inside {_safe(problem, ROUND_CEILING)}, until it arrives in G "
+        f"after {decimal_text(arrival[0], ROUND_FLOOR)} to {decimal_text(arrival[1], ROUND_CEILING)} s; "
+        f"V decreases there with margin lambda = {decimal_text(min(margins), ROUND_FLOOR)} 1/s or more."
     )
     return Report(Outcome.PROVEN, message, margins, arrival)
 
@@ -100,12 +105,14 @@ def _refuted(certificate: Certificate) -> Report:
         raise Broken("margin: a candidate claims a margin that is not negative")
     shown = confirm_witness(problem, problem.segments[0], certificate.funnels[0], witness)
     at = ", ".join(
-        f"{name} = {float(value):.6g}" for name, value in zip(problem.vehicle.states, witness.x, strict=True)
+        f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True)
     )
     message = (
-        f"REFUTED: {_funnels(certificate)} with margin lambda = {float(certificate.funnels[0].margin):.6g} 1/s is no "
-        f"control funnel function for {vehicle} along {_path(problem)}. {_sets(problem)} Inputs {_inputs(problem)}. "
-        f"At theta = {float(witness.theta):.6g} s, {at}: {shown}."
+        f"REFUTED: {_funnels(certificate, ROUND_FLOOR)} with margin lambda = "
+        f"{decimal_text(certificate.funnels[0].margin, ROUND_CEILING)} 1/s is no control funnel function for {vehicle} "
+        f"along {_path(problem)}. {_sets(problem, ROUND_CEILING, ROUND_FLOOR)} Safe is {_safe(problem, ROUND_FLOOR)}. "
+        f"Inputs {_inputs(problem, ROUND_CEILING, ROUND_FLOOR)}. "
+        f"At theta = {about(witness.theta)} s, {at}: {shown}."
     )
     return Report(Outcome.REFUTED, message)
 
@@ -121,8 +128,8 @@ def _check_problem(problem: ProblemClaim) -> str:
     if problem.method == "tt" and slowest != fastest:
         raise Broken("method: trajectory tracking (tt) has u0 = 1")
     name, parameters = problem.vehicle.name, problem.vehicle.parameters
-    values = ", ".join(f"{label} {float(value):.6g}" for label, value in parameters.items())
-    described = f"the vehicle {name} ({values})" if values else f"the vehicle {name}"
+    values = ", ".join(f"{label} {about(value)}" for label, value in parameters.items())
+    described = f'the vehicle "{name}" ({values})' if values else f'the vehicle "{name}"'
     if check_known_vehicle(name, parameters, problem.vehicle.states, problem.inputs, problem.vehicle.graph):
         return described
     return f"{described}, a name unknown to this checker: its dynamics are those of the graph in the file,"
@@ -157,7 +164,8 @@ def _check_decrease(problem: ProblemClaim, segment: SegmentClaim, funnel: Funnel
         except ValueError as error:
             raise Broken(f"{place}: {error}") from None
         if proven < funnel.margin:
-            raise Broken(f"{place}: margin {float(funnel.margin):.9g} claimed, {float(proven):.9g} proven")
+            claimed, shown = decimal_text(funnel.margin, ROUND_CEILING), decimal_text(proven, ROUND_FLOOR)
+            raise Broken(f"{place}: margin {claimed} claimed, {shown} proven")
 
 
 def _enclosures(problem: ProblemClaim, hints: SteadyHints) -> dict[int, UnaryEnclosure]:
@@ -182,33 +190,39 @@ def _signs(signs: tuple[int, ...]) -> str:
 def _path(problem: ProblemClaim) -> str:
     segment = problem.segments[0]
     return (
-        f"the path {problem.path} (turning rate {float(segment.turn_rate):.6g} rad/s, speed {float(segment.speed):.6g} "
-        f"m/s, theta from 0 to {float(segment.duration):.6g} s)"
+        f'the path "{problem.path}" (turning rate {about(segment.turn_rate)} rad/s, speed {about(segment.speed)} m/s, '
+        f"theta from 0 to {about(segment.duration)} s)"
     )
 
 
-def _numbers(values: tuple[fmpq, ...]) -> str:
-    return ", ".join(f"{float(value):.6g}" for value in values)
+def _numbers(values: tuple[fmpq, ...], rounding: str) -> str:
+    return ", ".join(decimal_text(value, rounding) for value in values)
 
 
-def _sets(problem: ProblemClaim) -> str:
+def _sets(problem: ProblemClaim, inlet: str, goal: str) -> str:
+    """The half-axes, rounded as told."""
     return (
-        f"Deviations ({', '.join(problem.vehicle.states)}): I has half-axes ({_numbers(problem.inlet)}), "
-        f"G ({_numbers(problem.goal)})."
+        f"Deviations ({', '.join(problem.vehicle.states)}): I has half-axes ({_numbers(problem.inlet, inlet)}), "
+        f"G ({_numbers(problem.goal, goal)})."
     )
 
 
-def _safe(problem: ProblemClaim) -> str:
-    return "the whole plane (no S)" if problem.safe is None else f"S with half-widths ({_numbers(problem.safe)})"
+def _safe(problem: ProblemClaim, rounding: str) -> str:
+    if problem.safe is None:
+        return "the whole plane (no S)"
+    return f"S with half-widths ({_numbers(problem.safe, rounding)})"
 
 
-def _inputs(problem: ProblemClaim) -> str:
-    return ", ".join(f"{name} in [{_numbers(limits)}]" for name, limits in problem.inputs.items())
+def _inputs(problem: ProblemClaim, lower: str, upper: str) -> str:
+    return ", ".join(
+        f"{name} in [{decimal_text(low, lower)}, {decimal_text(high, upper)}]"
+        for name, (low, high) in problem.inputs.items()
+    )
 
 
-def _funnels(certificate: Certificate) -> str:
+def _funnels(certificate: Certificate, inner_edge: str) -> str:
     funnel = certificate.funnels[0]
     return (
-        f"template {funnel.template}, {TEMPLATES[funnel.template]} {float(funnel.rate):.6g} 1/s, "
-        f"shell from {float(funnel.beta_lower):.6g}"
+        f"template {funnel.template}, {TEMPLATES[funnel.template]} {about(funnel.rate)} 1/s, "
+        f"shell from {decimal_text(funnel.beta_lower, inner_edge)}"
     )

@@ -1,0 +1,220 @@
+"""Small files that ask for endless arithmetic are refused, and soon."""
+
+import json
+import random
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from flint import fmpq, fmpq_mpoly_ctx
+
+from cfjax.check import Outcome, check_document
+from cfjax.check.document import MOST_CELLS
+from cfjax.check.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
+
+
+Document = dict[str, Any]
+PATIENCE = 20.0  # seconds on a busy machine; the slowest takes about four on a free one
+
+
+def nodes(document: Document) -> list:
+    return document["problem"]["vehicle"]["dynamics"]["nodes"]
+
+
+def add(document: Document, *node: Any) -> int:
+    nodes(document).append(list(node))
+    return len(nodes(document)) - 1
+
+
+def unknown(document: Document, last: int) -> None:
+    """The dynamics of a vehicle that the checker does not know, with this node among the outputs."""
+    document["problem"]["vehicle"]["name"] = "other"
+    document["problem"]["vehicle"]["dynamics"]["outputs"][0] = last
+
+
+def enclose(document: Document, node: int, function: str, reach: str, bound: str, coefficients: tuple = ("0",)) -> None:
+    document["proofs"][0]["enclosures"].append(
+        {
+            "node": node,
+            "function": function,
+            "coefficients": list(coefficients),
+            "lower": f"-{reach}",
+            "upper": reach,
+            "bound": bound,
+        }
+    )
+
+
+def squared(document: Document, node: int, times: int) -> int:
+    for _ in range(times):
+        node = add(document, "mul", node, node)
+    return node
+
+
+def huge_remainder(document: Document) -> None:
+    sine = add(document, "sin", 0)
+    enclose(document, sine, "sin", "3", str(2**255))
+    unknown(document, squared(document, sine, 60))
+
+
+def tiny_remainder(document: Document) -> None:
+    small = add(document, "mul", 0, add(document, "constant", f"1/{2**62}"))
+    sine = add(document, "sin", small)
+    enclose(document, sine, "sin", f"1/{2**61}", f"1/{2**252}")
+    unknown(document, squared(document, sine, 300))
+
+
+def long_enclosures(document: Document) -> None:
+    rng = random.Random(0)
+    last = 0
+    for k in range(28):
+        last = add(document, ("sin", "cos")[k % 2], 0)
+        end = str(fmpq(3 * 2**61 + 1, 2**62 + 1))
+        numbers = [str(fmpq(rng.getrandbits(250) | 1, rng.getrandbits(250) | 1)) for _ in range(12)]
+        enclose(document, last, nodes(document)[last][0], end, str(2**200), tuple(numbers))
+    unknown(document, last)
+
+
+def too_long_enclosure(document: Document) -> None:
+    sine = add(document, "sin", 0)
+    enclose(document, sine, "sin", "3", "9" * 399)
+    unknown(document, sine)
+
+
+def additions(document: Document, power: int) -> None:
+    """Under the name of the bicycle: the comparison of the graphs comes before any proof."""
+    inputs = [k for k, node in enumerate(nodes(document)) if node[0] == "input"]
+    total = inputs[0]
+    for node in inputs[1:]:
+        total = add(document, "add", total, node)
+    product = total
+    for _ in range(power - 1):
+        product = add(document, "mul", product, total)
+    last = product
+    while len(nodes(document)) < 399:
+        last = add(document, "add", last, product)
+
+
+def long_additions(document: Document) -> None:
+    total = add(document, "constant", "1")
+    for state in range(4):
+        total = add(document, "add", total, state)
+    power = total
+    for _ in range(20):
+        power = add(document, "mul", power, total)
+    long = add(document, "constant", str(fmpq(3**500, 7**400)))
+    for _ in range(7):
+        power = add(document, "mul", power, long)
+    last = power
+    while len(nodes(document)) < 399:
+        last = add(document, "add", last, power)
+    unknown(document, last)
+
+
+def long_sizes(document: Document) -> None:
+    """Coefficients as long as they may be, and remainders that ask for their sizes again and again."""
+    sine = add(document, "sin", 0)
+    enclose(document, sine, "sin", "2", "2")
+    total = add(document, "constant", "1")
+    for state in range(4):
+        total = add(document, "add", total, state)
+    power = total
+    for _ in range(12):
+        power = add(document, "mul", power, total)
+    long = add(document, "constant", str(fmpq(3**800, 7**470)))
+    for _ in range(13):
+        power = add(document, "mul", power, long)
+    while len(nodes(document)) < 399:
+        last = add(document, "mul", power, sine)
+    unknown(document, last)
+
+
+def definite(document: Document) -> None:
+    """Gram matrices that take the longest elimination."""
+    size, rng = 126, random.Random(0)
+    lower = [2**63 if i == j else rng.getrandbits(53) for i in range(size) for j in range(i + 1)]
+    gram = {"exponent": 200, "lower": lower}
+    proof = document["proofs"][0]
+    proof["degrees"] = [5] * len(proof["degrees"])
+    for cell in proof["cells"]:
+        cell["grams"] = [gram] * len(cell["grams"])
+
+
+HOSTILE: dict[str, Callable[[Document], None]] = {
+    "remainder that grows": huge_remainder,
+    "remainder that shrinks": tiny_remainder,
+    "long enclosures": long_enclosures,
+    "too long an enclosure": too_long_enclosure,
+    "many terms": lambda document: additions(document, 11),
+    "many additions": lambda document: additions(document, 5),
+    "long additions": long_additions,
+    "long sizes": long_sizes,
+    "definite matrices": definite,
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_endless_arithmetic_is_refused(certificate: Document, name: str) -> None:
+    HOSTILE[name](certificate)
+    started = time.perf_counter()
+    report = check_document(json.loads(json.dumps(certificate)), skip_hash=True)
+    assert time.perf_counter() - started < PATIENCE
+    assert report.outcome is Outcome.BROKEN
+    assert len(report.message) < 300
+
+
+def test_gram_matrices_are_counted_before_they_are_read(certificate: Document) -> None:
+    proof = certificate["proofs"][0]
+    cell = proof["cells"][0]
+    proof["cells"] = [cell] * (MOST_CELLS + 1)
+    assert f"1 to {MOST_CELLS} entries" in check_document(certificate, skip_hash=True).message
+    proof["degrees"] = [5] * len(proof["degrees"])
+    proof["cells"] = [{**cell, "grams": None}] * 16
+    report = check_document(certificate, skip_hash=True)
+    assert report.outcome is Outcome.UNREADABLE
+    assert "entries together" in report.message
+    certificate["proofs"][0]["cells"] = [{**cell, "grams": [{"exponent": 0, "lower": [2**65]}] * 5}]
+    assert check_document(certificate, skip_hash=True).outcome is Outcome.UNREADABLE
+
+
+@pytest.fixture
+def domain() -> Domain:
+    return Domain(fmpq_mpoly_ctx.get([f"y{k}" for k in range(6)], "degrevlex"), fmpq(5, 4))
+
+
+def test_sums_cost_and_have_limits(domain: Domain) -> None:
+    power = sum(domain.ring.gens(), domain.ring.constant(1)) ** 9
+    poor = Domain(domain.ring, fmpq(1), Budget(100))
+    for operation in (lambda e: e + e, lambda e: e - e, lambda e: -e):
+        with pytest.raises(ValueError, match="more arithmetic"):
+            operation(poor.exact(power))
+    many = domain.exact(sum(domain.ring.gens(), domain.ring.constant(1)) ** 11)
+    long = domain.constant(fmpq(2**10_001))
+    for first, second in ((many, many), (long, long)):
+        for operation in (lambda a, b: a + b, lambda a, b: a - b):
+            with pytest.raises(ValueError, match="grows beyond"):
+                operation(first, second)
+    with pytest.raises(ValueError, match="grows beyond"):
+        domain.product(many.polynomial, domain.ring.gens()[0] + domain.ring.gens()[1] ** 9)
+
+
+def test_remainders_stay_short_and_above(domain: Domain) -> None:
+    tiny = fmpq(1, 2**4000)
+    (kept, *_) = domain.remainder_product((tiny,), (tiny,))
+    assert tiny * tiny <= kept <= fmpq(1, 2**4095)
+    assert domain.remainder_product((fmpq(0),), (tiny,)) == (0, 0, 0)
+    with pytest.raises(ValueError, match="grows beyond"):
+        domain.remainder_product((fmpq(2**15_000),), (fmpq(2**15_000),))
+
+
+def test_long_numbers_of_an_enclosure_are_refused() -> None:
+    bound = proven_bound("sin", (fmpq(0), fmpq(1)), fmpq(-1), fmpq(1))
+    UnaryEnclosure("sin", (fmpq(0), fmpq(1)), fmpq(-1), fmpq(1), bound)
+    for spoiled in (
+        ((fmpq(0), fmpq(1)), fmpq(-1), fmpq(1), fmpq(2**256)),
+        ((fmpq(0), fmpq(1)), fmpq(-1), 1 - fmpq(1, 2**65), fmpq(1)),
+        ((fmpq(0), 1 + fmpq(1, 2**257)), fmpq(-1), fmpq(1), fmpq(1)),
+    ):
+        with pytest.raises(ValueError, match="256 bits|64 bits"):
+            UnaryEnclosure("sin", *spoiled)
