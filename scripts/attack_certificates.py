@@ -471,12 +471,17 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
     wide = [["input", name] for name in document["problem"]["vehicle"]["states"]]
     wide += [["add", k, k + 1] for k in range(3)] + [["mul", k, k] for k in range(6, 60)]
 
-    def with_nodes(nodes: list) -> bytes:
+    growing = [["input", "alpha"], ["sin", 0]] + [["mul", k, k] for k in range(1, 60)]
+    huge = {"node": 1, "function": "sin", "coefficients": ["0"], "lower": "-4", "upper": "4", "bound": str(2**255)}
+    sums = [["input", "alpha"], ["input", "v"], ["add", 0, 1]] + [["mul", 2, k] for k in range(2, 21)]
+    sums += [["add", k, k] for k in range(21, 399)]
+
+    def with_nodes(nodes: list, enclosures: tuple = ()) -> bytes:
         changed = json.loads(text)
         dynamics = changed["problem"]["vehicle"]["dynamics"]
         dynamics["nodes"], changed["problem"]["vehicle"]["name"] = nodes, "monster"
         dynamics["outputs"] = [len(nodes) - 1] * len(dynamics["outputs"])
-        changed["proofs"][0]["enclosures"] = []
+        changed["proofs"][0]["enclosures"] = list(enclosures)
         return renewed(changed)
 
     def with_change(change: Callable[[Document], Any]) -> bytes:
@@ -496,7 +501,7 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         lambda: ("9" * 3_000_000).encode(),
         lambda: ("[" + "0," * 4_000_000 + "0]").encode(),
         lambda: ("[" + "[]," * 3_000_000 + "0]").encode(),
-        lambda: b" " * (17 * 2**20),
+        lambda: b" " * (9 * 2**20),
         lambda: text.replace(
             '"version": 1', '"version": ' + rng.choice(["NaN", "1.0", "true", "1e999", "-Infinity"])
         ).encode(),
@@ -504,6 +509,11 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         lambda: with_nodes(exploding),
         lambda: with_nodes(tower),
         lambda: with_nodes(wide),
+        lambda: with_nodes(growing, (huge,)),
+        lambda: with_nodes(sums),
+        lambda: with_change(lambda d: d["proofs"][0].update(cells=_cells(d)[:1] * 1024)),
+        lambda: with_change(lambda d: _cells(d)[0]["grams"][0]["lower"].__setitem__(0, 2**65)),
+        lambda: with_change(lambda d: d["funnels"][0].update(margin="1" + "0" * 399)),
         lambda: with_nodes([["input", "alpha"]] * 10_000),
         lambda: with_nodes([["sin", 0], ["input", "alpha"]]),
         lambda: with_nodes([["input", "input:u1"], ["exp", 0]]),

@@ -27,7 +27,7 @@ from cfjax.check.decrease import Cell, CellProof, Matrix, SteadyDecrease, steady
 from cfjax.check.document import SegmentClaim, unpack_triangle
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
-from cfjax.check.rational import float_below, rational
+from cfjax.check.rational import decimal_text, float_below, rational
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel
 from cfjax.problem import Problem, Segment
@@ -240,14 +240,14 @@ def _certify_segment(
         clock["sos"] += solution.seconds
         numerical.append(solution.margin)
         solved.append(solution)
-        if solution.grams is None or solution.status not in USABLE + HINT_ONLY:
+        if solution.status not in USABLE + HINT_ONLY or not _is_finite(solution):
             raise _NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {_named(cell)}: {solution.status}")
         started = time.perf_counter()
         proof, grams, proven = _exact_proof(decrease, cell, solution)
         clock["exact"] += time.perf_counter() - started
         if proof is None or not proven > 0:
             verdict = Verdict.INCONCLUSIVE if solution.status in USABLE else Verdict.SOLVER_FAILED
-            shown = f"only {float(proven):.6g} is proven" if proof else "its rounding is not proven"
+            shown = f"only {decimal_text(proven)} is proven" if proof else "its rounding is not proven"
             raise _NotProven(
                 verdict,
                 f"condition (d), {_named(cell)}: margin {solution.margin:.6g} ({solution.status}), {shown}",
@@ -260,10 +260,20 @@ def _certify_segment(
             progress("certify", done + 1, len(cells))
     margin = fmpq(math.floor(min(margins) * 2**MARGIN_BITS), 2**MARGIN_BITS)
     if not margin > 0:
-        raise _NotProven(Verdict.INCONCLUSIVE, f"condition (d): margin {float(min(margins)):.3g} is too small to state")
+        raise _NotProven(
+            Verdict.INCONCLUSIVE, f"condition (d): margin {decimal_text(min(margins))} is too small to state"
+        )
     hinted = sum(solution.status in HINT_ONLY for solution in solved)
     hints = write_steady_proof(decrease, written)
     return _SegmentProof(margin, min(numerical), hints, _suspects(decrease, solved), hinted)
+
+
+def _is_finite(solution: SosSolution) -> bool:
+    return (
+        solution.grams is not None
+        and math.isfinite(solution.margin)
+        and all(np.isfinite(gram).all() for gram in solution.grams)
+    )
 
 
 def _suspects(decrease: SteadyDecrease, solved: list[SosSolution]) -> tuple[tuple[float, ...], ...]:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from flint import fmpq
 
 from cfjax.certificate.certifier import Certification
+from cfjax.certificate.rounding import exact
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_funnel, write_problem, write_witness
 from cfjax.check import Outcome, check_document
@@ -32,7 +33,8 @@ def refute(
 ) -> Certification:
     """Prove that a candidate is no control funnel function with margin λ (1/s) on the problem's one segment.
 
-    `points` are the falsifier's; without them it is asked. The candidate is taken as it is, not rounded.
+    `points` are the falsifier's; without them it is asked. C and rate are taken as they are, bit by bit; β̲ and λ, which
+    a configuration says, by their decimals.
 
     Returns:
         REFUTED with a document that the checker confirms, or INCONCLUSIVE: none of the points shows a violation.
@@ -47,11 +49,11 @@ def refute(
     segment = problem.path.segments[0]
     question = write_problem(problem, trace_deviation(problem.vehicle))
     size = funnel.dimension
-    shape = [[rational(float(funnel.shape[max(i, j), min(i, j)])) for j in range(size)] for i in range(size)]
+    shape = [[exact(funnel.shape[max(i, j), min(i, j)]) for j in range(size)] for i in range(size)]
     candidate = write_funnel(
         funnel.template.name,
         shape,
-        rational(float(funnel.rate)),
+        exact(funnel.rate),
         rational(float(funnel.beta_lower)),
         rational(float(margin)),
     )
@@ -69,13 +71,13 @@ def _variants(funnel: Funnel, duration: float, point: WorstPoint) -> Iterator[tu
     end = rational(float(duration))
     for nudge in NUDGES:
         x = [float(f"{value * (1 + nudge):.{X_DIGITS}g}") for value in point.x]
-        exact = [rational(value) for value in x]
+        deviation = [rational(value) for value in x]
         if point.condition == "d":
             form = sum(x[i] * x[j] * float(funnel.shape[i, j]) for i in range(len(x)) for j in range(len(x)))
             thetas = [rational(theta) for theta in _thetas_in_shell(funnel, duration, form)]
         else:
             thetas = {"a": [fmpq(0)], "b": [end]}.get(point.condition, [rational(float(point.theta))])
-        yield from ((min(max(theta, fmpq(0)), end), exact) for theta in thetas)
+        yield from ((min(max(theta, fmpq(0)), end), deviation) for theta in thetas)
 
 
 def _thetas_in_shell(funnel: Funnel, duration: float, form: float) -> list[float]:

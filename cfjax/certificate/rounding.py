@@ -15,6 +15,11 @@ GRAM_BITS = 34  # below the largest entry; what rounding leaves over costs about
 MANTISSA_BITS = 53
 
 
+def exact(value: float) -> fmpq:
+    """The rational that the floating-point number is."""
+    return fmpq(*float(value).as_integer_ratio())
+
+
 def dyadic(value: float, bits: int) -> fmpq:
     """The nearest multiple of 2^-bits (bits may be negative)."""
     return fmpq(round(math.ldexp(float(value), bits))) * fmpq(2) ** -bits

@@ -19,7 +19,10 @@ from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
 PROFILE_INPUTS = ReferencePoint._fields
 BINARY = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
 UNARY = {"neg": "neg", "sin": "sin", "cos": "cos", "tan": "tan"}
-TRANSPARENT = ("convert_element_type", "copy", "stop_gradient")
+TRANSPARENT = ("copy", "stop_gradient")
+CAST = "convert_element_type"
+POWERS = ("div", "integer_pow", "square")
+EXACT = (*BINARY, *UNARY, *POWERS, *TRANSPARENT)
 NESTED = ("pjit", "jit", "closed_call", "custom_jvp_call", "custom_vjp_call")
 
 
@@ -61,6 +64,8 @@ class _Builder:
             raise InputError(f"vehicle {self.vehicle}: expected functions of scalars, got a constant array")
         if not np.isfinite(value):
             raise InputError(f"vehicle {self.vehicle}: expected finite constants, got {value}")
+        if float(value) != np.asarray(value).item():  # compared as Python's numbers, which is exact
+            raise InputError(f"vehicle {self.vehicle}: the constant {value} is no 64-bit floating-point number")
         return self.add(Node("constant", value=rational(float(value))))
 
     def inverse(self, node: int) -> int:
@@ -84,8 +89,34 @@ class _Builder:
             where.update(zip(equation.outvars, values, strict=True))
         return [read(atom) for atom in jaxpr.outvars]
 
+    def require_reals(self, equation: Any, args: list[int]) -> None:
+        """Raises InputError unless everything is a 64-bit number, which stands for a real one, or such a constant.
+
+        Whole numbers wrap around and are cut off, shorter floating-point numbers are coarse: neither is the real
+        arithmetic of the graph. `constant` has seen to it that constants of other types mean the same number.
+        """
+        given = [str(atom.aval.dtype) for atom in equation.invars]
+        (made,) = {str(variable.aval.dtype) for variable in equation.outvars}
+        if equation.primitive.name == CAST:
+            if made != "float64" or (given != ["float64"] and self.nodes[args[0]].value is None):
+                raise InputError(
+                    f"vehicle {self.vehicle}: no exact arithmetic for the cast from {given[0]} to {made}; "
+                    "expected float64 throughout"
+                )
+        elif equation.primitive.name in EXACT and {*given, made} != {"float64"}:
+            raise InputError(
+                f"vehicle {self.vehicle}: no exact arithmetic for {equation.primitive.name!r} of {', '.join(given)}; "
+                "expected float64 throughout"
+            )
+
     def equation(self, equation: Any, args: list[int]) -> list[int]:
         name = equation.primitive.name
+        if name in NESTED:
+            inner = equation.params.get("jaxpr") or equation.params["call_jaxpr"]
+            return self.run(inner.jaxpr, inner.consts, args)
+        self.require_reals(equation, args)
+        if name == CAST:
+            return args
         if name in BINARY:
             return [self.add(Node(BINARY[name], tuple(args)))]
         if name in UNARY:
@@ -100,10 +131,7 @@ class _Builder:
             for _ in range(abs(exponent) - 1):
                 power = self.add(Node("mul", (power, args[0])))
             return [power if exponent > 0 else self.inverse(power)]
-        if name in NESTED:
-            inner = equation.params.get("jaxpr") or equation.params["call_jaxpr"]
-            return self.run(inner.jaxpr, inner.consts, args)
         raise InputError(
             f"vehicle {self.vehicle}: no exact arithmetic for the operation {name!r}; "
-            f"known are {', '.join(sorted({*BINARY, *UNARY, 'integer_pow', 'square', 'div'}))}"
+            f"known are {', '.join(sorted({*BINARY, *UNARY, *POWERS}))}"
         )

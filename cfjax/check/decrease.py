@@ -254,7 +254,9 @@ class SteadyDecrease:
         for index, (factor, gram, basis) in enumerate(zip(factors, proof.grams, self.bases, strict=True)):
             if len(gram) != len(basis):
                 raise ValueError(f"Gram matrix {index} has {len(gram)} rows, expected {len(basis)}")
-            longest = max(bits(entry) for i, row in enumerate(gram) for entry in row[: i + 1])  # the elimination's numbers grow row by row
+            longest = max(
+                bits(entry) for i, row in enumerate(gram) for entry in row[: i + 1]
+            )  # the elimination's numbers grow row by row
             self.domain.budget.spend(len(basis) ** 3 * (1 + len(basis) * longest // 2048))
             if not is_positive_definite(gram):
                 raise ValueError(f"Gram matrix {index} is not positive definite")

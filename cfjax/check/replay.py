@@ -104,9 +104,7 @@ def _refuted(certificate: Certificate) -> Report:
     if certificate.funnels[0].margin < 0:
         raise Broken("margin: a candidate claims a margin that is not negative")
     shown = confirm_witness(problem, problem.segments[0], certificate.funnels[0], witness)
-    at = ", ".join(
-        f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True)
-    )
+    at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     message = (
         f"REFUTED: {_funnels(certificate, ROUND_FLOOR)} with margin lambda = "
         f"{decimal_text(certificate.funnels[0].margin, ROUND_CEILING)} 1/s is no control funnel function for {vehicle} "

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -116,6 +117,11 @@ def test_only_violations_are_refuted(candidate: Candidate, margin: float) -> Non
     told = refute(problem, funnel, truth * 1.001 + margin, points)
     assert told.verdict is Verdict.REFUTED
     assert "condition (d)" in told.message
+    # the candidate in the document is the one that was given, bit by bit
+    written = told.document["funnels"][0]
+    assert Fraction(written["rate"]) == Fraction(funnel.rate)
+    lower = [Fraction(float(funnel.shape[i, j])) for i in range(4) for j in range(i + 1)]
+    assert [Fraction(entry) for entry in written["shape"]] == lower
     spoiled = json.loads(dump(told.document))
     spoiled["witness"]["x"] = ["0"] * 4
     assert check_document(spoiled, skip_hash=True).outcome is Outcome.BROKEN
@@ -158,6 +164,11 @@ def test_a_solver_that_fails_proves_nothing(candidate: Candidate, monkeypatch: p
         monkeypatch.setattr(certifier, "solve", lambda *_, s=status, g=grams: SosSolution(s, math.nan, g, 0.0))
         found = certify(problem, [funnel])
         assert (found.verdict, found.document) == (Verdict.SOLVER_FAILED, None)
+    # numbers that are none, under a good status
+    for margin, worst in ((math.nan, 1.0), (math.inf, 1.0), (0.3, math.nan), (0.3, -math.inf)):
+        grams = (np.diag([worst] + 34 * [1.0]), *[np.eye(15)] * 4)
+        monkeypatch.setattr(certifier, "solve", lambda *_, m=margin, g=grams: SosSolution("optimal", m, g, 0.0))
+        assert certify(problem, [funnel]).verdict is Verdict.SOLVER_FAILED
     # nonsense under a good status is found out by the exact replay
     nonsense = (np.eye(35), *[np.eye(15)] * 4)
     monkeypatch.setattr(certifier, "solve", lambda *_: SosSolution("optimal", 0.3, nonsense, 0.0))

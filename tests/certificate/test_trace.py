@@ -1,9 +1,11 @@
 """The traced graph against JAX; operations without exact arithmetic are refused by name."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -79,6 +81,45 @@ def test_the_graph_is_the_vehicle(vehicle: Vehicle) -> None:
 def test_unknown_operations_are_refused_by_name() -> None:
     with pytest.raises(InputError, match=r"exponential: no exact arithmetic for the operation 'exp'"):
         trace_deviation(_Exponential())
+
+
+class _Cast(SteeredBicycle):
+    """Its thrust goes through what the test says."""
+
+    name: ClassVar[str] = "cast"
+
+    def __init__(self, through: Callable) -> None:
+        super().__init__()
+        object.__setattr__(self, "through", through)
+
+    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
+        return self.through(jnp.asarray(inputs[0])), inputs[1]
+
+
+@pytest.mark.parametrize(
+    ("through", "named"),
+    [
+        (lambda u: u.astype(int) / 2, "cast from float64 to int64"),
+        (lambda u: u.astype(jnp.float16) * 1.0, "cast from float64 to float16"),
+        (lambda u: u.astype(jnp.float32).astype(float), "cast from float64 to float32"),
+        (lambda u: u.astype(bool) * 2.0, "cast from float64 to bool"),
+        (lambda u: u * (jnp.int8(100) + jnp.int8(100)), "of int8"),
+        (lambda u: u * jax.lax.div(jnp.asarray(1), jnp.asarray(2)), "of int64"),
+        (lambda u: u * (jnp.float32(0.1) * jnp.float32(0.1)), "of float32"),
+        (lambda u: jax.jit(jnp.multiply)(u, 2**53 + 1), "no 64-bit floating-point number"),
+    ],
+)
+def test_casts_that_change_numbers_are_refused_by_name(through: Callable, named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        trace_deviation(_Cast(through))
+
+
+def test_constants_of_other_types_are_their_values() -> None:
+    for two in (2.0, 2, jnp.asarray(2), np.int8(2), jnp.asarray(2.0)):
+        graph = trace_deviation(_Cast(lambda u, two=two: u * two))
+        values = dict.fromkeys(graph.inputs(), 0.0) | {"input:thrust": 1.5}
+        rates = graph.evaluate(values, float, lambda _, name, t: 1.0 if name == "inv" else getattr(math, name)(t))
+        assert rates[3] == 3.0
 
 
 def test_tan_and_division_are_enclosed_on_the_funnel() -> None:

@@ -1,5 +1,6 @@
 import math
 import random
+from decimal import ROUND_CEILING, ROUND_FLOOR
 from fractions import Fraction
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 from flint import fmpq
 
 from cfjax.check.rational import (
-    decimal_down,
+    about,
+    decimal_text,
     exp_bounds,
     float_below,
     is_positive_definite,
@@ -50,15 +52,31 @@ def test_huge_exponents_are_refused() -> None:
             exp_bounds(exponent)
 
 
-def test_decimals_are_rounded_down() -> None:
+def test_decimals_are_rounded_as_told() -> None:
     rng = random.Random(0)
     for _ in range(500):
         value = fmpq(rng.randint(1, 10**12), rng.randint(1, 10**12))
-        shown = Fraction(decimal_down(value))
-        assert 0 <= exact(value) - shown < Fraction(1, 10**4) * exact(value)
+        for number in (value, -value):
+            below, above = (Fraction(decimal_text(number, way)) for way in (ROUND_FLOOR, ROUND_CEILING))
+            assert below <= exact(number) <= above
+            assert above - below < Fraction(1, 10**4) * exact(value)
         assert Fraction(float_below(value)) <= exact(value) < Fraction(math.nextafter(float_below(value), math.inf))
-    assert decimal_down(fmpq(2, 3)) == "0.666666"
-    assert decimal_down(fmpq(1234567891, 1)) == "1234567891"
+    assert decimal_text(fmpq(2, 3), ROUND_FLOOR) == "0.666666"
+    assert decimal_text(fmpq(2, 3)) == decimal_text(fmpq(2, 3), ROUND_CEILING) == "0.666667"
+    assert about(fmpq(-2, 3)) == "about -0.666667"
+
+
+def test_short_decimals_are_printed_as_they_are() -> None:
+    for text in ("0", "0.34", "-4", "1234567891", "6.283185307179586", "0.30000000000000004", "10000"):
+        value = rational(text)
+        assert about(value) == decimal_text(value, ROUND_FLOOR) == decimal_text(value, ROUND_CEILING) == text
+
+
+def test_numbers_of_any_size_are_printed() -> None:
+    assert about(fmpq(10**400)) == "1e+400"
+    assert about(fmpq(1, 10**400)) == "1e-400"
+    assert about(fmpq(10**5000 + 1, 3)) == "about 3.33333e+4999"
+    assert decimal_text(fmpq(1, 3 * 10**9), ROUND_FLOOR) == "3.33333e-10"
 
 
 def test_definiteness_agrees_with_eigenvalues() -> None:

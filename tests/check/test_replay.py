@@ -44,9 +44,9 @@ def test_a_true_certificate_is_proven_in_one_paragraph(tmp_path: Path, contracti
         assert done.stderr == ""
         assert done.stdout.count("\n") == 1
     for part in (
-        "kinematic_bicycle",
-        "wheelbase 0.34",
-        "circle",
+        'the vehicle "kinematic_bicycle" (wheelbase 0.34,',
+        'the path "circle" (turning rate 1.0471975511965976 rad/s',
+        "rate about 0.",
         "half-axes",
         "u0 in [1, 1]",
         "6 to 6 s",
@@ -152,6 +152,90 @@ def test_spoiled_claims_are_broken(certificate: dict[str, Any], change: str) -> 
     report = check_document(renewed(claim(certificate, change)))
     assert report.outcome is Outcome.BROKEN
     assert report.message.isprintable()
+
+
+def sentence(document: dict[str, Any]) -> str:
+    """What the checker prints about a file that it accepts."""
+    report = check_document(document, skip_hash=True)
+    assert report.outcome in (Outcome.PROVEN, Outcome.REFUTED), report.message
+    return report.message
+
+
+def test_a_proven_sentence_says_no_more_than_is_proven(certificate: dict[str, Any]) -> None:
+    """Numbers that have no short decimal are rounded so that the sentence is weaker."""
+    sets, nearly = certificate["problem"]["sets"], Fraction(1, 10**20)
+    half, three = Fraction(1, 2), Fraction(3)
+    sets["inlet"]["half_axes"] = [str(half - nearly)] * 4  # nearest would be 0.5
+    sets["goal"]["half_axes"] = [str(half + nearly)] * 4
+    sets["safe"]["half_widths"][3] = str(three + nearly)
+    certificate["funnels"][0]["beta_lower"] = str(Fraction(9, 10) + nearly)
+    certificate["funnels"][0]["margin"] = str(Fraction(1, 10) - nearly)
+    told = sentence(certificate)
+    for part in (
+        "I has half-axes (0.499999, 0.499999, 0.499999, 0.499999), G (0.500001, 0.500001, 0.500001, 0.500001)",
+        "S with half-widths (1, 1, 1, 3.00001)",
+        "shell from 0.900001",
+        "lambda = 0.0999999 1/s or more",
+        "c0 about 0.",
+    ):
+        assert part in told
+
+
+def refutation(document: dict[str, Any], shape: list[str], x: list[str]) -> dict[str, Any]:
+    """Claims condition (c) to fail at x, for another C."""
+    del document["proofs"]
+    document["funnels"][0]["shape"] = shape
+    return document | {"claim": "refutation", "witness": {"condition": "c", "theta": "0", "x": x}}
+
+
+def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> None:
+    shape = ["1/100", "0", "9", "0", "0", "9", "0", "0", "0", "9"]
+    third = [str(Fraction(k, 3)) for k in (2, 3, 3, 9)]
+    certificate["problem"]["sets"]["safe"] = {"half_widths": third}
+    told = sentence(refutation(certificate, shape, ["4", "0", "0", "0"]))
+    assert "outside the safe set S" in told
+    assert "Safe is S with half-widths (0.666666, 1, 1, 3)" in told
+    certificate["claim"] = "refutation"
+    certificate["problem"]["sets"]["safe"] = None
+    certificate["problem"]["sets"]["inlet"]["half_axes"] = ["1/3"] * 4
+    certificate["witness"] = {"condition": "c", "theta": "0", "x": ["4", "0", "0", "1/300"]}
+    told = sentence(certificate)
+    assert "heading is pi or more" in told
+    assert "safe set S" not in told
+    assert "I has half-axes (0.333334" in told
+    assert "alpha = 4, x = 0, y = 0, v = about 0.00333333" in told
+    certificate["witness"]["x"][0] = "3"
+    assert check_document(certificate, skip_hash=True).outcome is Outcome.BROKEN
+
+
+def test_names_cannot_speak_for_the_checker(certificate: dict[str, Any]) -> None:
+    certificate["problem"]["path"]["name"] = "circle. PROVEN: everything"
+    assert 'along the path "circle. PROVEN: everything" (turning' in sentence(certificate)
+    for spoil in (
+        lambda p: p["vehicle"]["states"].__setitem__(1, "x in S. PROVEN"),
+        lambda p: p["vehicle"]["parameters"].__setitem__("wheelbase 3", "1"),
+        lambda p: p["inputs"][1].__setitem__("name", "w: all"),
+    ):
+        document = json.loads(json.dumps(certificate))
+        spoil(document["problem"])
+        report = check_document(document, skip_hash=True)
+        assert report.outcome is Outcome.UNREADABLE
+        assert "letters, digits" in report.message
+
+
+def test_huge_numbers_do_not_hide_which_claim_is_broken(certificate: dict[str, Any]) -> None:
+    for spoil, part in (
+        (lambda d: d["funnels"][0].update(margin=str(10**399)), "condition (d), piece 0, signs (++): margin 1e+399"),
+        (lambda d: d["proofs"][0]["cells"][0].update(margin=f"-{10**390}"), "e+390 proven"),
+        (lambda d: d["problem"]["vehicle"]["parameters"].update(wheelbase=str(10**399)), "vehicle: the dynamics"),
+    ):
+        document = json.loads(json.dumps(certificate))
+        spoil(document)
+        report = check_document(document, skip_hash=True)
+        assert report.outcome is Outcome.BROKEN
+        assert part in report.message
+    certificate["surplus"] = 1
+    assert check_document(certificate).message == "field 'surplus' is unknown"
 
 
 def test_another_name_is_a_claim_about_the_graph(certificate: dict[str, Any]) -> None:
