@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from cfjax.certificate import certify, refute
     from cfjax.errors import InputError
     from cfjax.funnel import Contracting, Funnel, Paper
     from cfjax.options import Options
@@ -38,6 +39,7 @@ _WHERE = {
     "Result": "result",
     "Options": "options",
     "synthesize": "synthesis",
+    **dict.fromkeys(("certify", "refute"), "certificate"),
     **dict.fromkeys(("Contracting", "Funnel", "Paper"), "funnel"),
     **dict.fromkeys(
         (
@@ -74,7 +76,9 @@ __all__ = [
     "Vehicle",
     "Verdict",
     "ball",
+    "certify",
     "circle",
+    "refute",
     "straight",
     "synthesize",
 ]
