@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from flint import fmpq
+from flint import fmpq, fmpq_mpoly
 
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
@@ -23,7 +23,7 @@ from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import Gram, dump, seal, write_funnel, write_problem, write_steady_proof
 from cfjax.check import Outcome, check_document
 from cfjax.check.containment import broken_containments
-from cfjax.check.decrease import Cell, CellProof, Matrix, SteadyDecrease, steady_pieces
+from cfjax.check.decrease import Cell, CellProof, Exponents, Matrix, SteadyDecrease, steady_pieces
 from cfjax.check.document import SegmentClaim, unpack_triangle
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
@@ -230,13 +230,14 @@ def _certify_segment(
         if broken:
             raise _NotProven(Verdict.INCONCLUSIVE, f"not proven: {'; '.join(broken)}")
         decrease = steady_decrease(problem, segment, rounded, graph)
+        cells = list(decrease.cells())
+        questions = [_question(decrease, cell) for cell in cells]
     except ValueError as error:
         raise _NotProven(Verdict.INCONCLUSIVE, f"not proven: {error}") from None
-    cells = list(decrease.cells())
     clock["exact"] += time.perf_counter() - started
 
     written, margins, numerical, solved = [], [], [], []
-    for done, (cell, solution) in enumerate(_solutions(decrease, cells, workers)):
+    for done, (cell, solution) in enumerate(zip(cells, _solutions(questions, workers), strict=True)):
         clock["sos"] += solution.seconds
         numerical.append(solution.margin)
         solved.append(solution)
@@ -304,18 +305,22 @@ def _broken_containments(problem: Problem, rounded: RoundedFunnel) -> list[str]:
     )
 
 
-def _solutions(decrease: SteadyDecrease, cells: list[Cell], workers: int) -> Iterator[tuple[Cell, SosSolution]]:
-    """Numerical solutions in the order of the cells."""
-    # polynomials are made here, in one thread: only the solver works beside others
-    questions = [
-        (decrease.target(cell), decrease.drop(decrease.pieces[cell.piece]), decrease.constraints(cell), decrease.bases)
-        for cell in cells
-    ]
+_Question = tuple[fmpq_mpoly, fmpq_mpoly, list[fmpq_mpoly], tuple[tuple[Exponents, ...], ...]]
+
+
+def _question(decrease: SteadyDecrease, cell: Cell) -> _Question:
+    """What `solve` is asked about a cell. Made in one thread: only the solver works beside others."""
+    drop = decrease.drop(decrease.pieces[cell.piece])
+    return decrease.target(cell), drop, decrease.constraints(cell), decrease.bases
+
+
+def _solutions(questions: list[_Question], workers: int) -> Iterator[SosSolution]:
+    """Numerical solutions in the order of the questions."""
     if workers <= 1:
-        yield from ((cell, solve(*question)) for cell, question in zip(cells, questions, strict=True))
+        yield from (solve(*question) for question in questions)
         return
     with ThreadPoolExecutor(workers) as pool:
-        yield from zip(cells, pool.map(lambda question: solve(*question), questions), strict=True)
+        yield from pool.map(lambda question: solve(*question), questions)
 
 
 def _exact_proof(
@@ -330,10 +335,12 @@ def _exact_proof(
             for (exponent, lower), basis in zip(grams, decrease.bases, strict=True)
         )
         proof = CellProof(cell, dyadic(solution.margin, MARGIN_BITS), matrices)
+        budget = decrease.domain.budget
+        left = budget.left
         try:
             return proof, grams, decrease.proven_margin(proof)
-        except ValueError:  # not positive definite yet
-            continue
+        except ValueError:  # not positive definite yet; the checker will not see this attempt, nor pay for it
+            budget.left = left
     return None, [], fmpq(0)
 
 

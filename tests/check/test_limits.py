@@ -125,6 +125,7 @@ def long_sizes(document: Document) -> None:
     long = add(document, "constant", str(fmpq(3**800, 7**470)))
     for _ in range(13):
         power = add(document, "mul", power, long)
+    last = power
     while len(nodes(document)) < 399:
         last = add(document, "mul", power, sine)
     unknown(document, last)
