@@ -24,8 +24,7 @@ LARGEST_EFFORT = 8_000_000  # products of coefficients; the circle's proof takes
 LARGEST_DEGREE = 40
 LONGEST_COEFFICIENT = 20_000  # bits
 MOST_TERMS = 20_000  # of a polynomial; the circle's have less than a thousand
-LONGEST_UNARY_NUMBER = 256  # bits of coefficients and bound of a `UnaryEnclosure`, proven on every subinterval
-LONGEST_UNARY_END = 64  # bits of the ends of its range, which stand in powers there; the certifier's take about 20
+LONGEST_UNARY_NUMBER = 256  # bits of the numbers in a `UnaryEnclosure`, which is proven on every subinterval
 SMALLEST_REMAINDER = fmpq(1, 2**4096)  # smaller ones are replaced by it, so that none grows longer and longer
 LARGEST_REMAINDER = fmpq(2**LONGEST_COEFFICIENT)
 
@@ -50,12 +49,8 @@ class UnaryEnclosure:
     bound: fmpq
 
     def __post_init__(self) -> None:
-        for numbers, most in (
-            ((*self.coefficients, self.bound), LONGEST_UNARY_NUMBER),
-            ((self.lower, self.upper), LONGEST_UNARY_END),
-        ):
-            if max(map(bits, numbers)) > most:
-                raise ValueError(f"the enclosure of {self.function} has a number of more than {most} bits")
+        if max(map(bits, (*self.coefficients, self.lower, self.upper, self.bound))) > LONGEST_UNARY_NUMBER:
+            raise ValueError(f"the enclosure of {self.function} has a number of more than {LONGEST_UNARY_NUMBER} bits")
         if proven_bound(self.function, self.coefficients, self.lower, self.upper) > self.bound:
             raise ValueError(f"the remainder of {self.function} is larger than its enclosure claims")
 

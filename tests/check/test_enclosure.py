@@ -5,7 +5,7 @@ import random
 import pytest
 from flint import arb, ctx, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
-from cfjax.certificate.fit import fit
+from cfjax.certificate.fit import enclose, fit
 from cfjax.check.enclosure import Budget, Domain, Enclosure, UnaryEnclosure, proven_bound, proven_slope
 
 
@@ -104,11 +104,7 @@ def test_arithmetic_encloses_the_composed_function(domain: Domain, two_hundred_b
     a, b, c = (domain.exact(y * fmpq(3, 5)) for y in domain.ring.gens())
 
     def apply(function: str, argument: Enclosure) -> Enclosure:
-        low, high = argument.range()
-        coefficients = fit(function, low, high)
-        return argument.apply(
-            UnaryEnclosure(function, coefficients, low, high, proven_bound(function, coefficients, low, high))
-        )
+        return argument.apply(enclose(function, argument))
 
     sine = apply("sin", a)
     result = sine * apply("cos", b) - apply("tan", c) * apply("inv", domain.constant(fmpq(3)) + sine * b)

@@ -70,7 +70,7 @@ def long_enclosures(document: Document) -> None:
     last = 0
     for k in range(28):
         last = add(document, ("sin", "cos")[k % 2], 0)
-        end = str(fmpq(3 * 2**61 + 1, 2**62 + 1))
+        end = str(fmpq(3 * 2**252 + 1, 2**253 + 1))
         numbers = [str(fmpq(rng.getrandbits(250) | 1, rng.getrandbits(250) | 1)) for _ in range(12)]
         enclose(document, last, nodes(document)[last][0], end, str(2**200), tuple(numbers))
     unknown(document, last)
@@ -214,8 +214,8 @@ def test_long_numbers_of_an_enclosure_are_refused() -> None:
     UnaryEnclosure("sin", (fmpq(0), fmpq(1)), fmpq(-1), fmpq(1), bound)
     for spoiled in (
         ((fmpq(0), fmpq(1)), fmpq(-1), fmpq(1), fmpq(2**256)),
-        ((fmpq(0), fmpq(1)), fmpq(-1), 1 - fmpq(1, 2**65), fmpq(1)),
+        ((fmpq(0), fmpq(1)), fmpq(-1), 1 - fmpq(1, 2**257), fmpq(1)),
         ((fmpq(0), 1 + fmpq(1, 2**257)), fmpq(-1), fmpq(1), fmpq(1)),
     ):
-        with pytest.raises(ValueError, match=r"256 bits|64 bits"):
+        with pytest.raises(ValueError, match="256 bits"):
             UnaryEnclosure("sin", *spoiled)
