@@ -7,6 +7,8 @@ from cfjax.errors import InputError
 from cfjax.funnel import template_named
 
 
+LEAST_BETA_LOWER = 0.05  # below, no funnel of the paper's template has room to shrink in
+
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
 
 
@@ -26,8 +28,10 @@ class Options:
         template_named(self.template)
         if self.learner != "gradient":
             raise InputError(f"learner: expected gradient, got {self.learner}")
-        if not 0 < self.beta_lower < 1:
-            raise InputError(f"beta_lower: expected a number between 0 and 1, got {self.beta_lower}")
+        if not LEAST_BETA_LOWER <= self.beta_lower < 1:
+            raise InputError(
+                f"beta_lower: expected a number of at least {LEAST_BETA_LOWER} and below 1, got {self.beta_lower}"
+            )
         for name, least in (("restarts", 1), ("rounds", 1), ("cars", 0), ("seed", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"{name}: expected a whole number of at least {least}, got {getattr(self, name)}")

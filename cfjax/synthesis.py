@@ -73,7 +73,7 @@ class _Search:
         for round_ in range(self.options.rounds):
             learned = self._learn(segment, round_, warm, suspects)
             if learned is None:
-                result = self._result(Verdict.INCONCLUSIVE, "no candidate satisfies (a), (b) and (c)")
+                result = self._result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)")
             elif learned.margin <= 0:
                 message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
                 result = self._result(Verdict.INCONCLUSIVE, message, learned.funnel, learned.margin)
@@ -138,4 +138,5 @@ def _cores() -> int:
 
 
 def _rank(result: Result) -> tuple[float, float]:
-    return result.margin_certified or 0.0, result.margin_falsified or 0.0
+    falsified = result.margin_falsified
+    return result.margin_certified or 0.0, float("-inf") if falsified is None else falsified

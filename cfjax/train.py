@@ -56,8 +56,13 @@ class Checks(Callback):
             raise Refusal(f"hydra.run.dir: cannot make {folder} ({error.strerror})") from error
 
     def on_multirun_start(self, config: "DictConfig", **_: Any) -> None:
+        from cfjax.report.table import holds_sweep
+
         Checks.composed = True
-        Checks.sweep = Path(config.hydra.sweep.dir)
+        folder = Path(config.hydra.sweep.dir)
+        if holds_sweep(folder):
+            raise Refusal(f"hydra.sweep.dir: expected an empty folder, but {folder} already holds a sweep")
+        Checks.sweep = folder
 
 
 def main() -> int:

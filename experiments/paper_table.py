@@ -80,7 +80,7 @@ def run(row: str, template: str, method: str, cars: int) -> Line:
         certified_share=certified / falsified if certified and falsified else None,
         cars_lost=max(loop.left_funnel, loop.left_safe, loop.missed_goal) if loop else None,
         paper={True: "found", False: "not found", None: "–"}[found],
-        agreement=agreement(result.verdict, found),
+        agreement=agreement(result.verdict, found) if template == "paper" else "",
         seconds=time.perf_counter() - start,
     )
 

@@ -122,6 +122,8 @@ def one_line(error: BaseException) -> str:
     """An error's message without line breaks and without the library's own bookkeeping."""
     text = str(error)
     if isinstance(error, ConfigKeyError | ConfigAttributeError) and isinstance(error.parent_node, DictConfig):
+        if str(error.full_key).startswith("path.") and not error.parent_node:
+            return f"path: expected +path=NAME with one of {', '.join(preset_names())}, got none"
         return f"{error.full_key}: no such key; expected one of {', '.join(map(str, error.parent_node))}"
     if key := getattr(error, "full_key", None):
         message = str(getattr(error, "msg", None) or text).strip().splitlines()[0]

@@ -26,7 +26,8 @@ GROUPS, GROUP_SIZE = 4, 128  # the shapes of the learner's duel: the same compil
 class WorstPoint:
     """Where a condition is closest to failing, or fails.
 
-    `slack` is positive where the condition holds: for (d) the margin λ in 1/s, else dimensionless (1 − V, V − 1).
+    `slack` is positive where the condition holds: for (d) the margin λ in 1/s, else dimensionless: 1 − V for (a), and
+    for (b) and (c) by how much q exceeds the funnel's level ρ, relative to ρ.
     """
 
     condition: str  # "a", "b", "c" or "d"
@@ -69,7 +70,9 @@ def hunt(
     particles = spawn(rng, len(factor), count, ridge_coordinates(vehicle, instance))
     scale = margin_scale(vehicle, template, instance, factor, change, particles)
     found: Outcome = duel(vehicle, template, instance, schedule, scale, factor, change, particles)
-    return Hunt(found.particles, np.where(np.isnan(found.margins), np.inf, found.margins))
+    # a particle that met NaN says nothing; a candidate of which none says anything has no margin at all
+    lost = np.isnan(found.margins)
+    return Hunt(found.particles, np.where(lost, np.where(lost.all(axis=1), -np.inf, np.inf)[:, None], found.margins))
 
 
 def falsify(

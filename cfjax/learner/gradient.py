@@ -172,6 +172,8 @@ def _inside(template: Template, instance: Instance, factor: Float[np.ndarray, "n
     For a given rate the conditions are linear matrix inequalities in C⁻¹, so the least blend with an ellipsoid that is
     well inside all of them is found by bisection.
     """
+    if not (np.isfinite(factor).all() and np.isfinite(change)):
+        return None
     low, high = (float(bound) for bound in instance.change_bounds)
     change = float(np.clip(change, low, high))
     duration = float(instance.duration)

@@ -36,6 +36,8 @@ class Profile:
     coefficients: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
+        if not all(self.coefficients) or not self.coefficients:
+            raise InputError("profile: expected at least one piece, and a coefficient in each")
         if len(self.breaks) != len(self.coefficients) + 1 or not all(np.diff(self.breaks) > 0):
             raise InputError(
                 f"profile: expected increasing breaks, one more than pieces; got {len(self.breaks)} breaks and "
@@ -71,7 +73,8 @@ class Segment:
     start: Pose
 
     def __post_init__(self) -> None:
-        if self.turn_rate.breaks[-1] != self.speed.breaks[-1] or self.turn_rate.breaks[0] != 0 != self.speed.breaks[0]:
+        omega, speed = self.turn_rate.breaks, self.speed.breaks
+        if omega[-1] != speed[-1] or omega[0] != 0 or speed[0] != 0:
             raise InputError("segment: turn rate and speed need the same range of theta, from 0 to the duration")
 
     @property

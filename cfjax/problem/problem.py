@@ -51,6 +51,8 @@ class Problem:
                 raise InputError(
                     f"{label}: expected {len(states)} numbers, one per state ({', '.join(states)}), got {len(values)}"
                 )
+        if self.inlet.half_axes[0] >= np.pi:
+            raise InputError(f"sets.inlet: expected a heading below pi rad, got {self.inlet.half_axes[0]}")
         if self.timing.lower <= 0 or 1.0 not in self.timing:
             raise InputError(
                 f"timing: expected 0 < lower <= 1 <= upper, got [{self.timing.lower}, {self.timing.upper}]"

@@ -55,7 +55,10 @@ def paper_found(problem: Problem, preset: Problem) -> bool | None:
 
 
 def agreement(verdict: Verdict, found: bool | None) -> str:
-    """`agrees` or `differs`; empty where the paper says nothing."""
-    if found is None:
+    """`agrees` or `differs`, for a run of the paper's template; empty where the paper or the run says nothing.
+
+    The shell's thickness is not compared: the paper gives no number.
+    """
+    if found is None or verdict not in (Verdict.CERTIFIED, Verdict.INCONCLUSIVE):
         return ""
     return "agrees" if found == (verdict is Verdict.CERTIFIED) else "differs"

@@ -51,6 +51,13 @@ def write_error(folder: Path, kind: str, message: str) -> None:
     write_whole(folder / ERROR, json.dumps({"kind": kind, "message": message}, indent=2).encode())
 
 
+def holds_sweep(folder: Path) -> bool:
+    """Whether jobs or the table of an earlier sweep stand there: their proofs must not answer for other questions."""
+    if not folder.is_dir():
+        return False
+    return (folder / TABLE).exists() or any(entry.is_dir() and _is_job(entry) for entry in folder.iterdir())
+
+
 def gather(sweep: Path) -> list[Row]:
     """The jobs of a sweep, finished or not, in the order of their numbers."""
     folders = [folder for folder in sweep.iterdir() if folder.is_dir() and _is_job(folder)]
@@ -127,7 +134,7 @@ def _row(folder: Path) -> Row:
             falsified=data["margin"]["falsified"],
             seconds=data["seconds"].get("total"),
             paper="" if found is None else "found" if found else "not found",
-            agreement=agreement(verdict, found),
+            agreement=agreement(verdict, found) if config.template == "paper" else "",
             message=data["message"],
             folder=folder.name,
         )

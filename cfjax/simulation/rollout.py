@@ -17,6 +17,7 @@ from cfjax.result import ClosedLoop, Rollouts
 STEPS_PER_SEGMENT = 400  # of reference time; u0 ≥ 1/2 takes at most twice as many
 RK4_NODES, RK4_WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 RECORDED = 24  # cars, at least
+MOST_ROWS = 4000  # of a record; slower cars are recorded up to there
 ROUNDING = 1e-9  # of V at a car that starts on the boundary of a set
 
 
@@ -116,13 +117,14 @@ def drive(
 
     def step(carry: tuple[Array, Cars, Cars]) -> tuple[Array, Cars, Cars]:
         count, cars, history = carry
-        history = jax.tree.map(lambda past, now: past.at[count].set(now[::stride]), history, cars)
+        history = jax.tree.map(lambda past, now: past.at[count].set(now[::stride], mode="drop"), history, cars)
         return count + 1, _advance(vehicle, template, loop, cars), history
 
     cars = _start(template, loop, starts)
-    empty = jax.tree.map(lambda now: jnp.zeros((limit + 1, *now[::stride].shape)), cars)
+    rows = min(limit + 1, MOST_ROWS)
+    empty = jax.tree.map(lambda now: jnp.zeros((rows, *now[::stride].shape)), cars)
     count, cars, history = jax.lax.while_loop(running, step, (jnp.zeros((), int), cars, empty))
-    after = jnp.arange(limit + 1)[:, None] >= count
+    after = jnp.arange(rows)[:, None] >= count
     return cars, jax.tree.map(lambda past, now: jnp.where(after, now[None, ::stride], past), history, cars)
 
 

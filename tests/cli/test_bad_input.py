@@ -12,6 +12,7 @@ from cfjax.conf import preset_names
 Command = Callable[..., subprocess.CompletedProcess[str]]
 CASES = [
     ([], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, got none"),
+    (["path.radius=2"], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted"),
     (["+path=nope"], "path: expected one of circle, straight, straight_long, straight_restricted, got nope"),
     (["path=circle"], "To append to your default list use +path=circle"),
     (["+path=circle", "path=null"], "Config group override must be a string"),
@@ -45,8 +46,8 @@ CASES = [
     (["+path=circle", "method=both"], "method: expected one of pf, tt, got both"),
     (["+path=circle", "template=cubic"], "template: expected one of contracting, paper, got cubic"),
     (["+path=circle", "learner=psychic"], "learner: expected gradient"),
-    (["+path=circle", "beta_lower=1"], "beta_lower: expected a number between 0 and 1, got 1.0"),
-    (["+path=circle", "beta_lower=nan"], "beta_lower: expected a number between 0 and 1, got nan"),
+    (["+path=circle", "beta_lower=1"], "beta_lower: expected a number of at least 0.05 and below 1, got 1.0"),
+    (["+path=circle", "beta_lower=nan"], "beta_lower: expected a number of at least 0.05 and below 1, got nan"),
     (["+path=circle", "timing=[1]"], "timing: expected two numbers, lower and upper, got [1.0]"),
     (["+path=circle", "timing=[1.5,2]"], "timing: expected 0 < lower <= 1 <= upper, got [1.5, 2.0]"),
     (["+path=circle", "timing=[2,0.5]"], "an interval needs finite ends, lower first; got [2.0, 0.5]"),

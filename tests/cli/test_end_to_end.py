@@ -39,6 +39,8 @@ def test_every_preset_ends_certified(command: Command, tmp_path: Path, path: str
     assert 0.97 * result["margin"]["falsified"] <= result["margin"]["certified"] <= result["margin"]["falsified"]
     (segment,) = result["segments"]
     assert {"duration", "C", "template", "c0", "beta", "beta_lower", "margin_certified"} <= segment.keys()
+    assert (folder / "funnel.png").stat().st_size > 20_000
+    assert "warning" not in run.stderr
     loop = result["closed_loop"]
     assert (loop["cars"], loop["left_funnel"], loop["left_safe"], loop["missed_goal"]) == (200, 0, 0, 0)
     assert result["inputs"] == {"u0": [0.5, 2.0], "w": [-1.0, 1.0], "thrust": [-4.0, 4.0]}
@@ -69,9 +71,11 @@ def test_nothing_found_is_inconclusive_and_leaves_no_certificate(command: Comman
 
 
 def test_thin_shell_has_a_tracking_funnel(command: Command, tmp_path: Path) -> None:
-    run = command("+path=straight", "method=tt", "template=paper", "beta_lower=0.98", "cars=100")
+    run = command("+path=straight", "method=tt", "template=paper", "beta_lower=0.98", "cars=100", "logger=wandb")
     assert run.returncode == 0, run.stderr
+    assert "warning" not in run.stderr
     result = json.loads((folder_of(run, tmp_path) / "result.json").read_text())
+    assert list(folder_of(run, tmp_path).glob("**/*.wandb"))  # offline, in the run's own folder
     assert result["segments"][0]["beta_lower"] == 0.98
     assert result["inputs"]["u0"] == [1.0, 1.0]
     assert result["margin"]["certified"] > 0.06

@@ -93,11 +93,11 @@ def test_sweep_ends_with_a_table(
     train: Callable[..., int], quick: None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     speeds = "path.speed=1.5708,3.1416,6.2832"
-    assert train("-m", "+path=circle", speeds, "method=pf,tt") == 0  # every job ran to a verdict
+    assert train("-m", "+path=circle", speeds, "method=pf,tt", "template=paper") == 0  # every job ran to a verdict
     rows = _sweep(tmp_path)
     assert [row["overrides"] for row in rows][:2] == [
-        "+path=circle path.speed=1.5708 method=pf",
-        "+path=circle path.speed=1.5708 method=tt",
+        "+path=circle path.speed=1.5708 method=pf template=paper",
+        "+path=circle path.speed=1.5708 method=tt template=paper",
     ]
     assert {row["verdict"] for row in rows} == {"inconclusive"}
     assert {row["certified"] for row in rows} == {""}
@@ -114,6 +114,25 @@ def test_sweep_ends_with_a_table(
     out = capfd.readouterr().out
     assert out.splitlines()[-1].startswith("sweep: ")
     assert "not found" in out
+
+
+def test_sweep_over_templates(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
+    assert train("-m", "+path=circle", "template=contracting,paper") == 0
+    rows = _sweep(tmp_path)
+    assert [row["template"] for row in rows] == ["contracting", "paper"]
+    # the paper speaks of its own template only
+    assert [(row["paper"], row["agreement"]) for row in rows] == [("found", ""), ("found", "differs")]
+
+
+def test_second_sweep_into_the_same_folder_is_refused(
+    train: Callable[..., int], quick: None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("-m", "+path=circle", "method=pf,tt", "hydra.sweep.dir=sw") == 0
+    before = (tmp_path / "sw" / "table.csv").read_bytes()
+    capfd.readouterr()
+    assert train("-m", "+path=straight", "method=tt,pf", "hydra.sweep.dir=sw") == 2
+    assert capfd.readouterr().err == "error: hydra.sweep.dir: expected an empty folder, but sw already holds a sweep\n"
+    assert (tmp_path / "sw" / "table.csv").read_bytes() == before
 
 
 def test_sweep_survives_bad_input_of_one_job(

@@ -36,5 +36,5 @@ def test_agreement() -> None:
     assert agreement(Verdict.CERTIFIED, True) == "agrees"
     assert agreement(Verdict.CERTIFIED, False) == "differs"
     assert agreement(Verdict.INCONCLUSIVE, False) == "agrees"
-    assert agreement(Verdict.SOLVER_FAILED, True) == "differs"
+    assert agreement(Verdict.SOLVER_FAILED, True) == agreement(Verdict.REFUTED, False) == ""
     assert agreement(Verdict.CERTIFIED, None) == ""

@@ -1,0 +1,42 @@
+"""What goes back from the certifier to the learner."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cfjax.certificate import certify
+from cfjax.conf import preset, problem_of
+from cfjax.falsifier import falsify
+from cfjax.falsifier.duel import ridge_coordinates, spawn
+from cfjax.funnel import TEMPLATES
+from cfjax.funnel.conditions import decrease_margins, dual_coordinates, instance_of
+from cfjax.learner import learn
+from cfjax.learner.gradient import _include
+
+
+def test_suspects_are_the_worst_points_and_reach_the_learner() -> None:
+    problem = problem_of(preset("circle", ["method=tt"]))
+    (segment,) = problem.path.segments
+    template = TEMPLATES["paper"]
+    learned = learn(problem, segment, template)
+    assert learned is not None
+    found = certify(problem, [learned.funnel])
+    (funnel,) = found.funnels
+    suspects = np.array(found.suspects)
+    instance = instance_of(problem, segment, template, funnel.beta_lower)
+    w, s = dual_coordinates(instance, funnel, suspects)
+    factor = jnp.linalg.cholesky(jnp.asarray(np.linalg.inv(funnel.shape)))
+    rate = jnp.asarray(funnel.rate)
+    margins = decrease_margins(problem.vehicle, template, instance, factor, rate, jnp.asarray(w), jnp.asarray(s))
+    worst = {point.condition: point for point in falsify(problem, segment, funnel)}["d"]
+    # the duals of the proof find without any search what the falsifier finds by searching
+    assert float(margins.min()) == pytest.approx(worst.slack, rel=1e-3)
+
+    particles = spawn(np.random.default_rng(0), 2, 128, ridge_coordinates(problem.vehicle, instance))
+    with_suspects = _include(particles, w, s)
+    np.testing.assert_allclose(with_suspects.points[1, : len(w), :-1], w)
+    assert (with_suspects.free[:, : len(w)] == 1).all()
+    np.testing.assert_array_equal(with_suspects.points[:, len(w) :], particles.points[:, len(w) :])
+    again = learn(problem, segment, template, warm=funnel, counterexamples=suspects)
+    assert again is not None
+    assert again.margin >= 0.99 * learned.margin
