@@ -114,7 +114,7 @@ def _margin_function(problem: Document, funnel: Document, shape: np.ndarray) -> 
             (gradient * evaluate(problem, x, dict(zip(names, corner, strict=True)))).sum(1) + timing * corner[0]
             for corner in corners.T
         ]
-        return -np.min(rates, axis=0) / drop
+        return np.max(-np.stack(rates), axis=0) / drop
 
     low = inner - max(rate * duration, 0.0) if paper else inner * min(end, 1.0)
     return low, widest, margins
