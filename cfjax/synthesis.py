@@ -1,7 +1,9 @@
-"""From a problem to a certified funnel: learner ⇄ falsifier, then certificate."""
+"""From a problem to a certified funnel: learner ⇄ falsifier, then certificate; then cars through it."""
 
 import os
+import sys
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -21,10 +23,22 @@ from cfjax.verdict import Verdict
 
 
 GOOD_SHARE = 0.97  # certified over falsified margin: a proof that falls further behind is worth another round
+LEAST_GAIN = 1.001  # certified margin over the best before: a round that brings less is the last one
 
 
 def synthesize(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
     """Find a control funnel function with the largest margin λ, prove it, and drive cars through it.
+
+    `search` and `drive` in one, for whoever does not have to save the proof in between.
+
+    Raises:
+        InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
+    """
+    return drive(search(problem, options, progress), options, progress)
+
+
+def search(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
+    """Find a control funnel function with the largest margin λ and prove it.
 
     Learn, certify, and where the proof falls short of what the falsifier could not refute, learn again from the points
     that stood in the way. The best certified funnel is what is returned. `inconclusive` is no proof that none exists.
@@ -33,19 +47,40 @@ def synthesize(problem: Problem, options: Options = Options(), progress: Progres
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
     """
     started = time.perf_counter()
-    search = _Search(problem, options, progress or (lambda stage, done, of: None))
-    result = search.run()
-    loop, rollouts = None, ()
-    if result.verdict is Verdict.CERTIFIED and options.cars:
-        with search.timed("simulate"):
-            # one segment: the certifier refuses chains until their links are proven
-            found, segment = result.segments[0], problem.path.segments[0]
-            margin = found.margin_certified or 0.0
-            loop, cars = drive_cars(problem, segment, found.funnel, margin, cars=options.cars, seed=options.seed)
-            rollouts = (cars,)
-            search.progress("simulate", 1, 1)
-    seconds = {**search.seconds, "total": time.perf_counter() - started}
-    return result.replace(closed_loop=loop, rollouts=rollouts, seconds=seconds)
+    loop = _Search(problem, options, progress or _silent)
+    result = loop.run()
+    return result.replace(seconds={**loop.seconds, "total": time.perf_counter() - started})
+
+
+def drive(result: Result, options: Options = Options(), progress: Progress | None = None) -> Result:
+    """Drive `options.cars` cars through the funnel of a certified result; any other result comes back as it is.
+
+    The proof is finished and does not depend on them: where they cannot be driven (a number of cars that no memory
+    holds, say), one line on stderr says why and the result comes back without a closed loop.
+    """
+    if result.verdict is not Verdict.CERTIFIED or not options.cars:
+        return result
+    progress = progress or _silent
+    # one segment: the certifier refuses chains until their links are proven
+    found, segment = result.segments[0], result.problem.path.segments[0]
+    started = time.perf_counter()
+    progress("simulate", 0, 1)
+    try:
+        margin = found.margin_certified or 0.0
+        loop, cars = drive_cars(result.problem, segment, found.funnel, margin, cars=options.cars, seed=options.seed)
+        result = result.replace(closed_loop=loop, rollouts=(cars,))
+        progress("simulate", 1, 1)
+    except Exception as error:
+        reason = traceback.format_exception_only(error)[0].splitlines()[0]  # XLA's go on for pages
+        print(f"warning: the cars were not driven ({reason}); the proof stands", file=sys.stderr)
+    spent = time.perf_counter() - started
+    return result.replace(
+        seconds={**result.seconds, "simulate": spent, "total": result.seconds.get("total", 0.0) + spent}
+    )
+
+
+def _silent(stage: str, done: int, of: int) -> None:
+    pass
 
 
 class _Search:
@@ -54,7 +89,7 @@ class _Search:
     def __init__(self, problem: Problem, options: Options, progress: Progress) -> None:
         self.problem, self.options, self.progress = problem, options, progress
         self.template = template_named(options.template)
-        self.seconds = {"learn": 0.0, "certify": 0.0, "simulate": 0.0}
+        self.seconds = {"learn": 0.0, "certify": 0.0}
         self.history: list[dict[str, float]] = []
 
     @contextmanager
@@ -80,6 +115,7 @@ class _Search:
             else:
                 result, suspects = self._certify(segment, learned)
                 warm = learned.funnel
+            before = 0.0 if best is None else best.margin_certified or 0.0
             best = result if best is None else max(best, result, key=_rank)
             certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
             self.history.append(
@@ -90,6 +126,8 @@ class _Search:
                 }
             )
             if certified and certified >= GOOD_SHARE * falsified:
+                break
+            if certified < LEAST_GAIN * before:  # as long as nothing is proven, every round is worth its time
                 break
         assert best is not None
         return best.replace(iterations=len(self.history), history=tuple(self.history))

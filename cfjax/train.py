@@ -155,18 +155,20 @@ def run_job(node: "DictConfig") -> "Result | None":
 
 
 def run(config: "Config", problem: "Problem", options: "Options", folder: Path) -> "Result":
-    """Synthesise, write the run folder, log, and say what came out."""
+    """Search, write the run folder, log, and say what came out. Cars are driven when the proof is safe on disk."""
     from cfjax.conf import yaml_of
     from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import refuse_finished, write_run
     from cfjax.report.tracking import track
-    from cfjax.synthesis import synthesize
+    from cfjax.synthesis import drive, search
 
     refuse_finished(folder)
     with progress_on() as progress:
-        result = synthesize(problem, options, progress)
-    result = write_run(result, folder, yaml_of(config), save_picture)
+        result = search(problem, options, progress)
+        result = write_run(
+            result, folder, yaml_of(config), save_picture, drive=lambda proven: drive(proven, options, progress)
+        )
     if config.logger == "wandb":
         track(result, config, folder)
     print(summary(result))

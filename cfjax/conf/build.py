@@ -12,7 +12,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig
 from cfjax.errors import InputError
 from cfjax.options import Options
-from cfjax.problem import Box, Ellipsoid, Interval, Method, Problem
+from cfjax.problem import Box, Ellipsoid, Interval, Method, Path, Problem
 
 
 def typed(node: DictConfig) -> Config:
@@ -24,7 +24,8 @@ def typed(node: DictConfig) -> Config:
     unknown = sorted(_unknown_keys(node, ""))
     if unknown:
         raise InputError("; ".join(unknown))
-    missing = sorted(OmegaConf.missing_keys(node))
+    removed = {field.name for field in dataclasses.fields(Config)} - {str(key) for key in node}  # by ~key
+    missing = sorted(OmegaConf.missing_keys(node) | removed)  # no default stands in: ~sets would mean no S
     if "path" in missing:
         raise InputError(f"path: expected +path=NAME with one of {', '.join(preset_names())}, got none")
     if missing:
@@ -103,7 +104,7 @@ def problem_of(config: Config) -> Problem:
     dimension = len(vehicle.state_names)
     safe = config.sets.safe
     return Problem(
-        path=config.path.build(),
+        path=_path_of(config.path),
         inlet=Ellipsoid(_half_axes("sets.inlet", config.sets.inlet, dimension)),
         goal=Ellipsoid(_half_axes("sets.goal", config.sets.goal, dimension)),
         safe=None if safe is None else Box(_half_axes("sets.safe", safe, dimension)),
@@ -131,6 +132,18 @@ def one_line(error: BaseException) -> str:
     lines = [line.strip() for line in text.splitlines()]
     kept = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type="))]
     return " ".join(kept) or type(error).__name__
+
+
+def _path_of(config: PathConfig) -> Path:
+    """The path; where its numbers, each good by itself, make none together, the message names their keys."""
+    try:
+        return config.build()
+    except (InputError, ArithmeticError) as error:
+        if str(error).startswith("path."):
+            raise
+        numbers = {key: value for key, value in vars(config).items() if key not in ("name", "kind")}
+        given = ", ".join(f"path.{key}={value}" for key, value in numbers.items())
+        raise InputError(f"path: {error}; got {given}") from error
 
 
 def _half_axes(label: str, value: Any, dimension: int) -> tuple[float, ...]:

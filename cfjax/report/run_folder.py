@@ -7,7 +7,7 @@
     result.json        verdict and figures; written last: a folder that has it is complete
 
 Every file appears whole or not at all. `certified` is written only after the exact checker has accepted the
-certificate as it lies on disk.
+certificate as it lies on disk. The proof lies there before anything that it does not need is begun: cars, picture.
 """
 
 import csv
@@ -56,30 +56,41 @@ def write_run(
     config_yaml: str,
     picture: Callable[[Result, Path], None] | None = None,
     check: Check = check_file,
+    drive: Callable[[Result], Result] | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
-    A result whose certificate the checker does not accept comes back `inconclusive`. `picture` draws funnel.png of
-    the result as it stands after the check; if it fails, that is said on stderr and the run stands.
+    A result whose certificate the checker does not accept comes back `inconclusive`. `drive` adds the closed loop to
+    the result as it stands after the check, `picture` then draws funnel.png of it; if that fails, it is said on stderr
+    and the run stands. Whatever else stops one of the two, Ctrl-C included, result.json is written before it goes on.
     """
     refuse_finished(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for leftover in (CERTIFICATE, REFERENCE, PICTURE, CONFIG):  # of a run that was killed
         (folder / leftover).unlink(missing_ok=True)
-    begin = time.perf_counter()
+    begin, before = time.perf_counter(), result.seconds.get("total", 0.0)
     result = _write_certificate(result, folder / CERTIFICATE, check)
-    seconds = {"check": time.perf_counter() - begin} if result.document is not None else {}
+    if result.document is not None:
+        result = _with_seconds(result, "check", time.perf_counter() - begin)
     write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
     write_whole(folder / CONFIG, config_yaml.encode())
-    if picture is not None:
-        start = time.perf_counter()
-        _draw(picture, result, folder / PICTURE)
-        seconds["plot"] = time.perf_counter() - start
-    stages = {**result.seconds, **seconds}
-    total = stages.pop("total", 0.0) + time.perf_counter() - begin
-    result = result.replace(seconds={**stages, "total": total})
-    write_whole(folder / RESULT, (json.dumps(result_json(result), indent=2, allow_nan=False) + "\n").encode())
+    try:
+        if drive is not None:
+            result = drive(result)
+        if picture is not None:
+            start = time.perf_counter()
+            _draw(picture, result, folder / PICTURE)
+            result = _with_seconds(result, "plot", time.perf_counter() - start)
+    finally:
+        result = _with_seconds(result, "total", before + time.perf_counter() - begin)
+        write_whole(folder / RESULT, (json.dumps(result_json(result), indent=2, allow_nan=False) + "\n").encode())
     return result
+
+
+def _with_seconds(result: Result, stage: str, seconds: float) -> Result:
+    """The stage comes last; total, written last, stays behind all of them."""
+    others = {name: value for name, value in result.seconds.items() if name != stage}
+    return result.replace(seconds={**others, stage: seconds})
 
 
 def _write_certificate(result: Result, path: Path, check: Check) -> Result:

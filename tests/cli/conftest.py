@@ -19,14 +19,14 @@ from cfjax.result import Result
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result]) -> None:
-    """synthesize returns a hand-made result, and nothing is drawn."""
+    """search returns a hand-made result, and nothing is drawn."""
 
-    def synthesize(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
+    def search(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
         if progress is not None:
             progress("learn", 1, 1)
         return hand_made(problem, options.template)
 
-    monkeypatch.setattr(cfjax.synthesis, "synthesize", synthesize)
+    monkeypatch.setattr(cfjax.synthesis, "search", search)
     monkeypatch.setattr(cfjax.report.plot, "save_picture", lambda result, path: path.write_bytes(b"a picture"))
 
 

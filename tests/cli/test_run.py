@@ -60,7 +60,7 @@ def test_interrupt(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cfjax.synthesis, "synthesize", interrupted)
+    monkeypatch.setattr(cfjax.synthesis, "search", interrupted)
     assert train("+path=circle", "hydra.run.dir=here") == 130
     assert capfd.readouterr().err == "interrupted\n"
     assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra"}
@@ -152,14 +152,14 @@ def test_sweep_survives_a_crash(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    whole = cfjax.synthesis.synthesize
+    whole = cfjax.synthesis.search
 
     def breaks_at_two(problem: Problem, *rest: object) -> object:
         if problem.path.segments[0].point(0.0).speed == 2.0:
             raise RuntimeError("out of luck")
         return whole(problem, *rest)  # pyright: ignore[reportArgumentType]
 
-    monkeypatch.setattr(cfjax.synthesis, "synthesize", breaks_at_two)
+    monkeypatch.setattr(cfjax.synthesis, "search", breaks_at_two)
     assert train("-m", "+path=circle", "path.speed=2,3") == 1
     crashed, good = _sweep(tmp_path)
     assert (crashed["verdict"], crashed["message"], good["verdict"]) == ("crashed", "out of luck", "inconclusive")
@@ -169,7 +169,7 @@ def test_sweep_survives_a_crash(
 SLEEPER = """
 import sys, time
 import cfjax.synthesis, cfjax.train
-cfjax.synthesis.synthesize = lambda *_: (print("asleep", flush=True), time.sleep(100))
+cfjax.synthesis.search = lambda *_: (print("asleep", flush=True), time.sleep(100))
 sys.argv = ["train", "+path=circle", "hydra.run.dir=here"]
 sys.exit(cfjax.train.main())
 """

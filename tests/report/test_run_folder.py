@@ -111,20 +111,55 @@ def test_what_the_checker_does_not_accept_claims_nothing(
 ) -> None:
     claimed = hand_made(problem_of(preset("circle")), **{**CLAIMS, "verdict": verdict})
     drawn: list[Verdict] = []
+    driven: list[Verdict] = []
     written = write_run(
         claimed,
         tmp_path / "run",
         yaml_of(preset("circle")),
         lambda result, path: drawn.append(result.verdict),
         check=check,
+        drive=lambda result: driven.append(result.verdict) or result,
     )
-    assert drawn == [Verdict.INCONCLUSIVE]  # the picture, too, says only what the checker accepted
+    assert drawn == driven == [Verdict.INCONCLUSIVE]  # cars and picture, too, know only what the checker accepted
     assert written.verdict is Verdict.INCONCLUSIVE
     assert "did not accept" in written.message
     assert not (tmp_path / "run" / "certificate.json").exists()
     data = json.loads((tmp_path / "run" / "result.json").read_text())
     assert (data["verdict"], data["margin"]["certified"]) == ("inconclusive", None)
     assert data["segments"][0]["margin_certified"] is None
+
+
+def test_time_of_the_cars_is_counted_once(hand_made: Make, tmp_path: Path) -> None:
+    def drive(result: Result) -> Result:
+        return result.replace(seconds={**result.seconds, "simulate": 100.0, "total": 103.0})
+
+    written = write_run(
+        hand_made(problem_of(preset("circle"))), tmp_path / "run", yaml_of(preset("circle")), drive=drive
+    )
+    assert list(written.seconds) == ["learn", "certify", "simulate", "total"]
+    assert written.seconds["simulate"] == 100.0
+    assert 3.0 < written.seconds["total"] < 100.0  # 3 s before, and what the clock says since
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
+def test_whatever_stops_the_cars_comes_after_the_run_is_written(
+    hand_made: Make, error: type[BaseException], tmp_path: Path
+) -> None:
+    def drive(result: Result) -> Result:
+        assert {entry.name for entry in tmp_path.iterdir()} == {"certificate.json", "config.yaml", "reference.csv"}
+        raise error
+
+    claimed = hand_made(problem_of(preset("circle")), **CLAIMS, closed_loop=None)
+    with pytest.raises(error):
+        write_run(
+            claimed,
+            tmp_path,
+            yaml_of(preset("circle")),
+            check=lambda path: Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),)),
+            drive=drive,
+        )
+    read = read_run(tmp_path)
+    assert (read.verdict, read.margin_certified, read.closed_loop) == (Verdict.CERTIFIED, RATIONAL, None)
 
 
 def test_claim_without_certificate_claims_nothing(hand_made: Make, tmp_path: Path) -> None:

@@ -1,0 +1,169 @@
+"""A finished proof is never lost: whatever breaks after it, it lies in the run folder and the checker accepts it."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import cfjax.report.plot
+import cfjax.synthesis
+from cfjax.check import Outcome, check_file
+from cfjax.conf import options_of, preset, problem_of
+from cfjax.learner import Learned
+from cfjax.report.run_folder import read_run
+from cfjax.result import Result
+from cfjax.synthesis import drive, search, synthesize
+from cfjax.verdict import Verdict
+
+
+QUESTION = ["template=paper", "restarts=1", "rounds=1"]
+PROOF = {"certificate.json", "config.yaml", "reference.csv"}
+ERRORS = {
+    "memory": (MemoryError("10 TB"), "warning: the cars were not driven (MemoryError: 10 TB); the proof stands\n"),
+    "xla": (RuntimeError("out of memory\nallocations:\n…"), "(RuntimeError: out of memory); the proof stands\n"),
+}
+
+
+@pytest.fixture(scope="module")
+def proven() -> Result:
+    config = preset("circle", QUESTION)
+    result = search(problem_of(config), options_of(config))
+    assert (result.verdict, result.closed_loop) == (Verdict.CERTIFIED, None)
+    return result
+
+
+@pytest.fixture
+def searched(monkeypatch: pytest.MonkeyPatch, proven: Result) -> None:
+    monkeypatch.setattr(cfjax.synthesis, "search", lambda *_: proven)
+
+
+class Breaks:
+    """Stands where cars are driven or the picture is drawn; looks at the run folder and fails."""
+
+    def __init__(self, error: BaseException) -> None:
+        self.error, self.seen = error, set[str]()
+
+    def __call__(self, *_: object, **__: object) -> None:
+        here = Path("here")
+        self.seen = {entry.name for entry in here.iterdir()} if here.exists() else set()
+        raise self.error
+
+
+def assert_complete(folder: Path, proven: Result, *, driven: bool = False) -> None:
+    assert check_file(folder / "certificate.json").outcome is Outcome.PROVEN
+    data = json.loads((folder / "result.json").read_text())
+    assert (data["verdict"], data["closed_loop"] is not None) == ("certified", driven)
+    read = read_run(folder)
+    assert (read.verdict, read.document) == (Verdict.CERTIFIED, proven.document)
+    assert read.margin_certified == pytest.approx(proven.margin_certified)
+
+
+@pytest.mark.parametrize(("error", "line"), ERRORS.values(), ids=list(ERRORS))
+def test_cars_that_cannot_be_driven(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    error: Exception,
+    line: str,
+) -> None:
+    broken = Breaks(error)
+    monkeypatch.setattr(cfjax.synthesis, "drive_cars", broken)
+    assert train("+path=circle", *QUESTION, "hydra.run.dir=here") == 0
+    assert broken.seen == {*PROOF, ".hydra"}  # before any car was driven
+    assert_complete(Path("here"), proven)
+    assert (Path("here") / "funnel.png").stat().st_size > 20_000
+    captured = capfd.readouterr()
+    assert captured.err.endswith(line) and captured.err.count("\n") == 1
+    assert captured.out.splitlines()[0] == "certified: circle, pf"
+    assert captured.out.splitlines()[-1].startswith("run: ")
+
+
+def test_more_cars_than_memory_holds(
+    train: Callable[..., int], searched: None, proven: Result, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("+path=circle", *QUESTION, "hydra.run.dir=here", f"cars={10**14}") == 0
+    assert_complete(Path("here"), proven)
+    error = capfd.readouterr().err
+    assert error.startswith("warning: the cars were not driven (") and error.count("\n") == 1
+
+
+def test_interrupt_while_cars_are_driven(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(cfjax.synthesis, "drive_cars", Breaks(KeyboardInterrupt()))
+    assert train("+path=circle", *QUESTION, "hydra.run.dir=here") == 130
+    assert capfd.readouterr().err == "interrupted\n"
+    assert_complete(Path("here"), proven)
+
+
+@pytest.mark.parametrize(("error", "code"), [(MemoryError(), 0), (KeyboardInterrupt(), 130)], ids=["memory", "Ctrl-C"])
+def test_picture_that_breaks(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: int,
+) -> None:
+    broken = Breaks(error)
+    monkeypatch.setattr(cfjax.report.plot, "save_picture", broken)
+    assert train("+path=circle", *QUESTION, "hydra.run.dir=here", "cars=10") == code
+    assert broken.seen == {*PROOF, ".hydra"}
+    assert_complete(Path("here"), proven, driven=True)
+    assert {entry.name for entry in Path("here").iterdir()} == {*PROOF, ".hydra", "result.json"}
+
+
+def test_python_users_keep_the_result(
+    searched: None, proven: Result, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cfjax.synthesis, "drive_cars", Breaks(MemoryError()))
+    result = synthesize(proven.problem)
+    assert (result.verdict, result.document, result.closed_loop) == (Verdict.CERTIFIED, proven.document, None)
+    assert capfd.readouterr().err == "warning: the cars were not driven (MemoryError); the proof stands\n"
+
+
+def test_only_cars_with_a_proof_are_driven(proven: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cfjax.synthesis, "drive_cars", Breaks(AssertionError("driven")))
+    unproven = proven.replace(verdict=Verdict.INCONCLUSIVE)
+    assert drive(unproven) is unproven
+    config = preset("circle", [*QUESTION, "cars=0"])
+    assert drive(proven, options_of(config)) is proven
+
+
+@pytest.mark.parametrize(
+    ("certified", "rounds"),
+    [
+        ([0.2, 0.2001, 0.9, 0.9], 2),  # no gain
+        ([0.2, None, 0.9, 0.9], 2),  # a step back
+        ([0.2, 0.201, 0.203, 0.206], 4),
+        ([None, None, 0.2, 0.2], 4),  # nothing to lose as long as nothing is proven
+        ([0.98, 2.0, 2.0, 2.0], 1),  # close enough to the falsifier's
+    ],
+)
+def test_rounds_end_with_the_gain(
+    monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result], certified: list[float | None], rounds: int
+) -> None:
+    """Margins against a falsified one of 1; a round that proves nothing has None."""
+    problem = problem_of(preset("circle"))
+    margins = iter(certified)
+
+    def next_round(*_: object) -> tuple[Result, None]:
+        margin = next(margins)
+        verdict = Verdict.INCONCLUSIVE if margin is None else Verdict.CERTIFIED
+        (segment,) = hand_made(problem, margin=margin).segments
+        return Result(verdict, "made by hand", problem, (replace(segment, margin_falsified=1.0),)), None
+
+    learned = Learned(hand_made(problem).segments[0].funnel, 1.0, -1.0, (1.0,), 1)
+    monkeypatch.setattr(cfjax.synthesis._Search, "_learn", lambda *_: learned)
+    monkeypatch.setattr(cfjax.synthesis._Search, "_certify", next_round)
+    result = search(problem, options_of(preset("circle", ["rounds=4"])))
+    assert result.iterations == rounds
+    assert result.margin_certified == max((m for m in certified[:rounds] if m), default=None)
