@@ -1,0 +1,453 @@
+"""A path within bounds gets a certified chain of tubes: chosen in floating point, proven in exact arithmetic.
+
+Each tube holds along every path within its intervals. So nothing is optimised for a path: it is cut into pieces, each
+piece asks which tubes hold it, and a chain is the cheapest way through them, where a tube can only be left for one that
+holds all that is left of it after the distance it has had (`cfjax.check.reference` proves each of these claims). Cost
+is the lateral half-width √((C⁻¹)_xx) weighted by length.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from flint import fmpq
+from jaxtyping import Bool, Float, Int
+
+from cfjax.check.rational import float_below, rational
+from cfjax.check.reference import (
+    LARGEST_POSE_GAP,
+    LARGEST_SPEED_GAP,
+    CertifiedTube,
+    Gap,
+    Piece,
+    Reference,
+    Run,
+    StatedProfile,
+    StatedSegment,
+    exact_reference,
+    hands_over,
+    is_closed,
+    needed_distance,
+    prove_chain,
+)
+from cfjax.errors import InputError
+from cfjax.problem.path import Path, Pose, Profile, Segment
+
+
+CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
+LEVEL_SLACKS = (1e-9, 1e-6, 1e-3)  # below the largest level, which lies on the edge of what exact arithmetic confirms
+DISTANCE_SLACK = 1e-9  # a choice in floating point keeps off the exact condition
+CHANGE_COST = 1e-9  # relative to the whole path: of two chains equally wide the one with fewer links
+
+
+class Stretch(NamedTuple):
+    """A part of one segment, θ from start to end (s), and the tube that holds there."""
+
+    segment: int
+    start: float
+    end: float
+    tube: CertifiedTube
+
+
+class Link(NamedTuple):
+    """Where one tube hands over to the next: at θ (s) of a segment, V of the first is at most `level`.
+
+    That takes `needed` metres in the first tube, which has `available`; both are rounded to the safe side.
+    """
+
+    segment: int
+    theta: float
+    first: CertifiedTube
+    second: CertifiedTube
+    level: float
+    needed: float
+    available: float
+
+
+@dataclass(frozen=True)
+class Following:
+    """A proof that a car which starts inside the first tube stays inside the chain and arrives.
+
+    `path` is the path that is certified, as floating-point numbers: start poses by integration, speeds continuous. The
+    proof speaks of `reference`, the same in exact numbers. `arrival` are the proven earliest and latest time (s, by the
+    clock) to the end, of a closed path for each lap; `links` of a closed one ends with the link from the end of a lap
+    to its start, which is why it goes for ever.
+    """
+
+    path: Path
+    reference: Reference
+    tubes: tuple[Stretch, ...]
+    links: tuple[Link, ...]
+    closed: bool
+    end_level: float  # V of the last tube is at most this at the end
+    arrival: tuple[float, float]
+
+    @property
+    def start(self) -> CertifiedTube:
+        """Deviations with xᵀ C x < 1 in this tube may start."""
+        return self.tubes[0].tube
+
+    @property
+    def end(self) -> CertifiedTube:
+        """The tube in which a car arrives, with xᵀ C x ≤ end_level."""
+        return self.tubes[-1].tube
+
+    def tube_at(self, segment: int, theta: float) -> CertifiedTube:
+        """The tube that holds at θ (s) of a segment; the later one where two meet."""
+        for stretch in reversed(self.tubes):
+            if stretch.segment == segment and stretch.start <= theta <= stretch.end:
+                return stretch.tube
+        raise InputError(f"path {self.path.name}: there is no theta = {theta:g} s in segment {segment}")
+
+    def describe(self) -> str:
+        """Some lines for people."""
+        length = float(self.reference.length)
+        ending = "a lap" if self.closed else "the end"
+        earliest, latest = self.arrival
+        lines = [
+            f"path {self.path.name}: {length:.6g} m{', closed' if self.closed else ''}, "
+            f"{ending} after {earliest:.6g} to {latest:.6g} s"
+        ]
+        for segment, start, end, tube in self.tubes:
+            lines.append(
+                f"  segment {segment}, theta {start:.6g} to {end:.6g} s: tube {tube.name}, "
+                f"lateral half-width {_half_width(tube):.4g} m"
+            )
+        for link in self.links:
+            lines.append(
+                f"  {link.first.name} -> {link.second.name} at theta = {link.theta:.6g} s of segment {link.segment}: "
+                f"V <= {link.level:.4g} after {link.needed:.4g} m, has {link.available:.4g} m"
+            )
+        lines.append("  holds for ever" if self.closed else f"  arrives with V <= {self.end_level:.4g}")
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return self.describe()
+
+
+def follow(path: Path, tubes: Sequence[CertifiedTube], *, closed: bool = False, pinned: str | None = None) -> Following:
+    """The chain of tubes with the least lateral width, by length, that is proven to hold along the path.
+
+    A closed path is one lap that is driven again and again; `pinned` is the name of the one tube to use. The tubes have
+    to be certified for the vehicle that drives.
+
+    Raises:
+        InputError: where the path has a jump (pose: 1e-6 rad or m; speed: 1e-9 m/s), leaves every tube, or where no
+            chain is proven; the message says where and by how much.
+    """
+    library = tuple(tube for tube in tubes if pinned in (None, tube.name))
+    if not library:
+        raise InputError(
+            f"path {path.name}: expected one of the tubes {', '.join(tube.name for tube in tubes) or '(none)'}, "
+            f"got {pinned or 'none'}"
+        )
+    try:
+        return _follow(path, library, closed)
+    except InputError:
+        raise
+    except ValueError as error:  # of the exact statements, which know no other rooms
+        raise InputError(f"path {path.name}: {error}") from None
+
+
+def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Following:
+    segments = [segment for segment in path.segments if isinstance(segment, Segment)]
+    if len(segments) != len(path.segments):
+        raise InputError(f"path {path.name}: expected segments, got a tube: it has no course to follow")
+    stated = [_stated(segment) for segment in segments]
+    reference = _cut(exact_reference(stated))
+    pieces = reference.pieces
+    holds = np.array([[piece.inside(tube) for piece in pieces] for tube in tubes])
+    outside = np.flatnonzero(~holds.any(axis=0))
+    if outside.size:
+        raise ValueError(_outside([pieces[index] for index in outside], tubes))
+    gap = _gap(reference) if closed else None
+    chain = _choose(reference, tubes, holds, gap)
+    runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
+    order = [index for _, _, index in chain] + ([chain[0][2]] if closed else [])
+    levels = [_levels(tubes)[i][j] for i, j in itertools.pairwise(order)]
+    links = prove_chain(reference, runs, levels, closed)
+
+    last = runs[-1]
+    finish = last.tube.level_after(reference.length - pieces[last.begin].arc)
+    times = [(run.tube.timing, _span(pieces, run)) for run in runs]
+    earliest = sum((duration / fast for (_, fast), duration in times), fmpq(0))
+    latest = sum((duration / slow for (slow, _), duration in times), fmpq(0))
+    return Following(
+        path=_certified_path(path.name, segments, stated, reference),
+        reference=reference,
+        tubes=_stretches(pieces, runs),
+        links=tuple(
+            Link(
+                pieces[link.piece].segment,
+                float(pieces[link.piece].theta),
+                link.first,
+                link.second,
+                _float_above(link.level),
+                _float_above(link.needed),
+                float_below(link.available),
+            )
+            for link in links
+        ),
+        closed=closed,
+        end_level=_float_above(finish),
+        arrival=(float_below(earliest), _float_above(latest)),
+    )
+
+
+def _span(pieces: Sequence[Piece], run: Run) -> fmpq:
+    """Reference time of a run, s."""
+    return sum((piece.duration for piece in pieces[run.begin : run.end]), fmpq(0))
+
+
+def _float_above(value: fmpq) -> float:
+    return 0.0 - float_below(-value)  # not −0.0
+
+
+# --- the path, to exact numbers and back
+
+
+def _stated(segment: Segment) -> StatedSegment:
+    alpha, x, y = (rational(float(value)) for value in segment.start)
+    breaks = _exact(segment.turn_rate.breaks)
+    same = segment.turn_rate.breaks == segment.speed.breaks
+    return StatedSegment(
+        StatedProfile(breaks, tuple(map(_exact, segment.turn_rate.coefficients))),
+        StatedProfile(breaks if same else _exact(segment.speed.breaks), tuple(map(_exact, segment.speed.coefficients))),
+        (alpha, x, y),
+    )
+
+
+def _exact(numbers: Sequence[float]) -> tuple[fmpq, ...]:
+    return tuple(rational(float(number)) for number in numbers)
+
+
+def _cut(reference: Reference) -> Reference:
+    """Long pieces in several, at floating-point θ."""
+    longest = float(reference.length) / CUTS
+    pieces: list[Piece] = []
+    for piece in reference.pieces:
+        count = math.ceil(float(piece.length) / longest - 1e-6) if longest > 0 else 1
+        begin, end = float(piece.theta), float(piece.theta + piece.duration)
+        grid = {rational(begin + (end - begin) * k / count) - piece.theta for k in range(1, count)}
+        inner = sorted(at for at in grid if 0 < at < piece.duration)
+        pieces += piece.split(inner) if inner else [piece]
+    return Reference(tuple(pieces), reference.start)
+
+
+def _certified_path(
+    name: str, segments: Sequence[Segment], stated: Sequence[StatedSegment], reference: Reference
+) -> Path:
+    """The path with integrated start poses and continuous speeds, rounded to floating-point numbers."""
+    constants = {(piece.segment, piece.theta): piece.speed[0] for piece in reference.pieces}
+    result = []
+    for index, (segment, exact) in enumerate(zip(segments, stated, strict=True)):
+        speed, coefficients = segment.speed, []
+        for own, at, (meant, *_) in zip(
+            speed.coefficients, exact.speed.breaks[:-1], exact.speed.coefficients, strict=True
+        ):
+            value = constants[index, at]
+            coefficients.append(own if value == meant else (float(value), *own[1:]))
+        start = segment.start
+        if index:
+            heading, position = reference.poses[index]
+            start = Pose(float(heading), float(position.real.mid()), float(position.imag.mid()))
+        result.append(Segment(segment.turn_rate, Profile(speed.breaks, tuple(coefficients)), start))
+    return Path(name, tuple(result))
+
+
+def _stretches(pieces: Sequence[Piece], runs: Sequence[Run]) -> tuple[Stretch, ...]:
+    found: list[Stretch] = []
+    for run in runs:
+        fresh = True
+        for piece in pieces[run.begin : run.end]:
+            start, end = float(piece.theta), float(piece.theta + piece.duration)
+            if fresh or found[-1].segment != piece.segment:
+                found.append(Stretch(piece.segment, start, end, run.tube))
+            else:
+                found[-1] = found[-1]._replace(end=end)
+            fresh = False
+    return tuple(found)
+
+
+# --- refusals
+
+
+def _outside(pieces: Sequence[Piece], tubes: Sequence[CertifiedTube]) -> str:
+    """Where pieces that no tube holds are furthest from the tube that is nearest to them."""
+    found: list[tuple[float, str]] = []
+    for piece in pieces:
+        nearest = []
+        for tube in tubes:
+            relative = [
+                (float(v.excess / max(abs(v.bound), upper - lower, v.excess)), f"{v}, where tube {tube.name} ends")
+                for v in piece.violations(tube)
+                for lower, upper in [getattr(tube, v.quantity)]
+                if v.excess
+            ]
+            nearest += [max(relative, key=_size)] if relative else []
+        found += [min(nearest, key=_size)] if nearest else []
+    return max(found, key=_size)[1] if found else "no tube holds along it"
+
+
+def _size(entry: tuple[float, str]) -> float:
+    return entry[0]
+
+
+def _gap(reference: Reference) -> Gap:
+    gap = reference.gap
+    if not is_closed(gap):
+        heading, lateral, forward, speed = map(float, gap)
+        raise ValueError(
+            f"the end of the lap is not its start: {math.hypot(lateral, forward):.3g} m, {heading:.3g} rad and "
+            f"{speed:.3g} m/s apart, expected at most {float(LARGEST_POSE_GAP):g} m and rad and "
+            f"{float(LARGEST_SPEED_GAP):g} m/s"
+        )
+    return gap
+
+
+# --- the choice
+
+
+def _half_width(tube: CertifiedTube) -> float:
+    """√((C⁻¹)_xx), m."""
+    return math.sqrt(float(tube.inverse[1, 1]))
+
+
+@lru_cache(maxsize=64)
+def _levels(tubes: tuple[CertifiedTube, ...]) -> tuple[tuple[fmpq, ...], ...]:
+    """For each ordered pair nearly the largest level with level C₂ ≺ C₁, which is proven; 0 where none is."""
+    return tuple(tuple(_level(first, second) for second in tubes) for first in tubes)
+
+
+def _level(first: CertifiedTube, second: CertifiedTube) -> fmpq:
+    own, other = (np.array([[float(entry) for entry in row] for row in tube.shape]) for tube in (first, second))
+    largest = 1 / float(np.linalg.eigvals(np.linalg.solve(own, other)).real.max())
+    for slack in LEVEL_SLACKS:
+        level = rational(float(f"{largest * (1 - slack):.12g}"))
+        if level > 0 and hands_over(first, second, level):
+            return level
+    return fmpq(0)
+
+
+@lru_cache(maxsize=64)
+def _distances(tubes: tuple[CertifiedTube, ...], gap: Gap | None) -> Float[np.ndarray, "tubes tubes"]:
+    """Metres that each tube needs before it hands over to another: infinite where it never does."""
+    result = np.full((len(tubes), len(tubes)), np.inf)
+    for i, first in enumerate(tubes):
+        for j, second in enumerate(tubes):
+            # without a gap there is nothing to hand over to itself
+            if i == j and gap is None:
+                continue
+            needed = needed_distance(first, second, _levels(tubes)[i][j], gap)
+            if needed is not None:
+                result[i, j] = float(needed[1]) * (1 + DISTANCE_SLACK)
+    return result
+
+
+def _choose(
+    reference: Reference, tubes: tuple[CertifiedTube, ...], holds: Bool[np.ndarray, "tubes pieces"], gap: Gap | None
+) -> list[tuple[int, int, int]]:
+    """The cheapest chain, as (first piece, end piece, tube): dynamic programming over where runs begin.
+
+    best[f, i, b] is the least cost up to piece b of a chain that begins in tube f and enters tube i at b; a run of tube
+    i from a to b costs width_i (arc_b − arc_a), so that for given (f, i) the best a is a running minimum.
+    """
+    count, size = holds.shape
+    arc = np.array([float(piece.arc) for piece in reference.pieces] + [float(reference.length)])
+    widths = np.array([_half_width(tube) for tube in tubes])
+    every = np.arange(count)
+    latest = np.searchsorted(arc, arc[:, None, None] - _distances(tubes, None), side="right") - 1
+    latest = np.minimum(latest, np.arange(size + 1)[:, None, None] - 1)  # [b, i, j]: a run that ends at b is not empty
+    since = np.zeros((count, size + 1), int)  # [i, b]: tube i holds from this piece up to b
+    for b in range(1, size + 1):
+        since[:, b] = np.where(holds[:, b - 1], since[:, b - 1], b)
+
+    starts = np.flatnonzero(holds[:, 0]) if gap else np.array([0])  # an open chain may begin in any tube
+    chains = len(starts)
+    best = np.full((chains, count, size), np.inf)
+    if gap:
+        best[np.arange(chains), starts, 0] = 0.0
+    else:
+        best[0, holds[:, 0], 0] = 0.0
+    origin = np.zeros((2, chains, count, size), int)  # tube before, and the piece at which it was entered
+    least = np.full((chains, count, size), np.inf)  # running minimum of best − width · arc since the tube holds
+    entered = np.zeros((chains, count, size), int)
+    change = CHANGE_COST * widths.max() * arc[-1]
+    f, i = np.arange(chains)[:, None, None], every[:, None]
+    for b in range(size):
+        if b:
+            at = np.maximum(latest[b], 0)
+            possible = latest[b] >= since[:, b, None]
+            cost = np.where(possible, least[f, i, at] + (widths * arc[b])[:, None] + change, np.inf)
+            before = cost.argmin(1)
+            best[:, :, b] = np.where(holds[:, b], np.take_along_axis(cost, before[:, None], 1)[:, 0], np.inf)
+            origin[0, :, :, b] = before
+            origin[1, :, :, b] = entered[f[..., 0], before, at[before, every]]
+        fresh = best[:, :, b] - widths * arc[b]
+        carried = np.where(since[:, b] < b, least[:, :, b - 1], np.inf) if b else np.full_like(fresh, np.inf)
+        least[:, :, b] = np.minimum(fresh, carried)
+        entered[:, :, b] = np.where(fresh <= carried, b, entered[:, :, b - 1] if b else 0)
+
+    last = np.full((chains, count), size - 1)  # the last piece at which the last run may begin
+    if gap:
+        last = np.searchsorted(arc, arc[-1] - _distances(tubes, gap)[:, starts].T, side="right") - 1
+        last = np.minimum(last, size - 1)
+    at = np.maximum(last, 0)
+    total = np.where(last >= since[:, size], least[f[..., 0], every, at] + widths * arc[-1], np.inf)
+    chain, tube = np.unravel_index(int(total.argmin()), total.shape)
+    if not math.isfinite(total[chain, tube]):
+        raise ValueError(_no_chain(reference, tubes, holds, best.min(0), since, gap))
+    runs = []
+    begin, end = int(entered[chain, tube, at[chain, tube]]), size
+    while True:
+        runs.append((begin, end, int(tube)))
+        if begin == 0:
+            return runs[::-1]
+        tube, begin, end = origin[0, chain, tube, begin], int(origin[1, chain, tube, begin]), begin
+
+
+def _no_chain(
+    reference: Reference,
+    tubes: tuple[CertifiedTube, ...],
+    holds: Bool[np.ndarray, "tubes pieces"],
+    best: Float[np.ndarray, "tubes pieces"],
+    since: Int[np.ndarray, "tubes ends"],
+    gap: Gap | None,
+) -> str:
+    """Where every chain ends, and the link that comes closest to leading on."""
+    count, size = holds.shape
+    pieces = reference.pieces
+    reached, earliest = 0, {}  # of each tube that reaches furthest: the first piece at which a chain enters it
+    for end in range(size, 0, -1):
+        for i in range(count):
+            entries = np.flatnonzero(np.isfinite(best[i, since[i, end] : end]))
+            if entries.size:
+                earliest[i] = int(since[i, end] + entries[0])
+        if earliest:
+            reached = end
+            break
+    following = range(count) if reached == size else np.flatnonzero(holds[:, reached])
+    distances = _distances(tubes, gap if reached == size else None)
+    end_arc = reference.length if reached == size else pieces[reached].arc
+    short = [
+        (float(distances[i, j]), float(end_arc - pieces[a].arc), i, int(j))
+        for i, a in earliest.items()
+        for j in following
+    ]
+    needed, available, i, j = min(short, key=lambda link: link[0] - link[1])
+    first, second = tubes[i].name, tubes[j].name
+    where = (
+        "at the end of the lap"
+        if reached == size
+        else f"at theta = {float(pieces[reached].theta):.6g} s of segment {pieces[reached].segment}"
+    )
+    if math.isinf(needed):
+        return f"no chain of tubes: {where} tube {first} has to be left, and never fits into tube {second}"
+    return (
+        f"no chain of tubes: {where} tube {first} has to be left for tube {second} after {available:.6g} m, and fits "
+        f"into it after {needed:.6g} m"
+    )
