@@ -503,7 +503,7 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         lambda: ("[" + "[]," * 3_000_000 + "0]").encode(),
         lambda: b" " * (9 * 2**20),
         lambda: text.replace(
-            '"version": 1', '"version": ' + rng.choice(["NaN", "1.0", "true", "1e999", "-Infinity"])
+            '"version": 2', '"version": ' + rng.choice(["NaN", "1.0", "true", "1e999", "-Infinity"])
         ).encode(),
         lambda: text.replace('"beta": "1"', '"beta": "1", "beta": "1"').encode(),
         lambda: with_nodes(exploding),

@@ -23,14 +23,17 @@ from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import Gram, dump, seal, write_funnel, write_problem, write_steady_proof
 from cfjax.check import Outcome, check_document
 from cfjax.check.containment import broken_containments
-from cfjax.check.decrease import Cell, CellProof, Exponents, Matrix, SteadyDecrease, steady_pieces
+from cfjax.check.decrease import Cell, CellProof, Exponents, Extreme, Matrix, SteadyDecrease, steady_pieces
 from cfjax.check.document import SegmentClaim, unpack_triangle
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.rational import decimal_text, float_below, rational
+from cfjax.check.reader import Broken
+from cfjax.check.symbolic import symbolic
+from cfjax.check.tube import TubeClaim, is_mirrored, place_of, require_tube_structure
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel
-from cfjax.problem import Problem, Segment
+from cfjax.problem import Problem, Segment, Tube
 from cfjax.verdict import Verdict
 
 
@@ -56,6 +59,7 @@ class Certification:
     funnels: tuple[Funnel, ...] = ()  # as rounded: these, not those given, are what the document is about
     document: dict[str, Any] | None = None
     margins: tuple[float, ...] | None = None  # not above the exact rationals in the document
+    margins_per_metre: tuple[float | None, ...] = ()  # of tubes, likewise; None for segments
     numerical_margins: tuple[float, ...] = ()  # optimum of the sums-of-squares programs
     seconds: dict[str, float] = field(default_factory=dict)  # sos, exact
     suspects: tuple[tuple[float, ...], ...] = ()  # deviations that limit the proof, by the duals: for a learner
@@ -114,7 +118,7 @@ def certify(
     document = seal(
         "funnel",
         write_problem(problem, graph),
-        [funnel.write(proof.margin) for funnel, proof in zip(rounded, found, strict=True)],
+        [funnel.write(proof.margin, proof.margin_per_metre) for funnel, proof in zip(rounded, found, strict=True)],
         [proof.hints for proof in found],
     )
     # what is replayed is what the file will say: through its text, not through the objects that made it
@@ -129,6 +133,9 @@ def certify(
         funnels=tuple(funnel.funnel for funnel in rounded),
         document=document if proven else None,
         margins=tuple(float_below(proof.margin) for proof in found) if proven else None,
+        margins_per_metre=tuple(
+            None if proof.margin_per_metre is None else float_below(proof.margin_per_metre) for proof in found
+        ),
         numerical_margins=tuple(proof.numerical for proof in found),
         seconds=clock,
         suspects=tuple(point for proof in found for point in proof.suspects),
@@ -143,51 +150,59 @@ class RoundedFunnel:
     shape: Matrix
     rate: fmpq
     beta_lower: fmpq
-    duration: fmpq
+    beta_inner: fmpq
+    duration: fmpq  # zero for a tube: θ is nowhere in its proof
 
-    def write(self, margin: fmpq) -> dict[str, Any]:
-        return write_funnel(self.funnel.template.name, self.shape, self.rate, self.beta_lower, margin)
+    def write(self, margin: fmpq, margin_per_metre: fmpq | None) -> dict[str, Any]:
+        levels = self.beta_lower, self.beta_inner
+        return write_funnel(self.funnel.template.name, self.shape, self.rate, levels, margin, margin_per_metre)
 
 
-def round_funnel(funnel: Funnel, segment: Segment) -> RoundedFunnel:
+def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
     """C and rate moved by about a part in 1e9; the duration is the segment's."""
     shape, rate = round_shape(funnel.shape), round_rate(funnel.rate)
+    duration = fmpq(0) if isinstance(segment, Tube) else rational(float(segment.duration))
     same = replace(
         funnel,
         shape=np.array([[float(entry) for entry in row] for row in shape]),
         rate=float(rate),
         duration=segment.duration,
     )
-    return RoundedFunnel(same, shape, rate, rational(float(funnel.beta_lower)), rational(float(segment.duration)))
+    beta_lower, beta_inner = rational(float(funnel.beta_lower)), rational(float(funnel.inner))
+    return RoundedFunnel(same, shape, rate, beta_lower, beta_inner, duration)
 
 
 @dataclass(frozen=True)
 class _SegmentProof:
     margin: fmpq
+    margin_per_metre: fmpq | None
     numerical: float
     hints: dict[str, Any]
     suspects: tuple[tuple[float, ...], ...]
     hinted: int  # cells whose solution was only a hint
 
 
-def steady_decrease(problem: Problem, segment: Segment, rounded: RoundedFunnel, graph: Graph) -> SteadyDecrease:
-    """What has to be shown for (d) on a steady segment, with proven enclosures on the funnel's range.
+def steady_decreases(
+    problem: Problem, segment: Segment | Tube, rounded: RoundedFunnel, graph: Graph
+) -> list[SteadyDecrease]:
+    """What has to be shown for (d), one for each extreme reference, with proven enclosures on the funnel's range.
 
     Raises:
         ValueError: where the question cannot be put: the shell reaches the reference, a pole lies in the funnel.
+        Broken: the vehicle's dynamics are not of the form that tubes need.
     """
-    point = segment.point(0.0)
     names = ("u0", *problem.vehicle.input_names)
     box = {
         name: (rational(float(limits.lower)), rational(float(limits.upper)))
         for name, limits in zip(names, problem.inputs, strict=True)
     }
-    claim = SegmentClaim(rounded.duration, rational(float(point.turn_rate)), rational(float(point.speed)))
-    pieces = steady_pieces(rounded.funnel.template.name, rounded.rate, rounded.duration, rounded.beta_lower)
+    name, rate = rounded.funnel.template.name, rounded.rate
+    pieces = steady_pieces(name, rate, rounded.duration, rounded.beta_lower, rounded.beta_inner)
+    extremes = _extremes(problem, segment, rounded, graph, box)
     question = SteadyDecrease(
         graph=graph,
         states=problem.vehicle.state_names,
-        profile=claim.profile,
+        extreme=extremes[0],
         inputs=box,
         shape=rounded.shape,
         whitening=round_whitening(rounded.funnel.shape),
@@ -201,9 +216,33 @@ def steady_decrease(problem: Problem, segment: Segment, rounded: RoundedFunnel, 
         enclosures[node] = enclose(function, argument)
         return argument.apply(enclosures[node])
 
+    # functions are of the state alone wherever there is more than one reference: one enclosure fits all
     question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
-    question = replace(question, enclosures=enclosures)
-    return replace(question, degrees=_gram_degrees(question))
+    questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
+    degrees = max(_gram_degrees(question) for question in questions)
+    return [replace(question, degrees=degrees) for question in questions]
+
+
+def _extremes(
+    problem: Problem,
+    segment: Segment | Tube,
+    rounded: RoundedFunnel,
+    graph: Graph,
+    box: dict[str, tuple[fmpq, fmpq]],
+) -> list[Extreme]:
+    if isinstance(segment, Segment):
+        point = segment.point(0.0)
+        return SegmentClaim(
+            rounded.duration, rational(float(point.turn_rate)), rational(float(point.speed))
+        ).extremes()
+    dynamics = symbolic(graph, problem.vehicle.state_names, tuple(box))
+    require_tube_structure(dynamics)
+    bounds = (
+        (rational(float(interval.lower)), rational(float(interval.upper)))
+        for interval in (segment.curvature, segment.speed, segment.acceleration)
+    )
+    claim = TubeClaim(*bounds)
+    return claim.extremes(is_mirrored(dynamics, problem.vehicle.state_names, box, rounded.shape, claim))
 
 
 def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
@@ -217,7 +256,7 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
 
 def _certify_segment(
     problem: Problem,
-    segment: Segment,
+    segment: Segment | Tube,
     rounded: RoundedFunnel,
     graph: Graph,
     progress: Progress | None,
@@ -229,20 +268,24 @@ def _certify_segment(
         broken = _broken_containments(problem, rounded)
         if broken:
             raise _NotProven(Verdict.INCONCLUSIVE, f"not proven: {'; '.join(broken)}")
-        decrease = steady_decrease(problem, segment, rounded, graph)
-        cells = list(decrease.cells())
-        questions = [_question(decrease, cell) for cell in cells]
+        questions = steady_decreases(problem, segment, rounded, graph)
+        places = [(index, cell) for index, question in enumerate(questions) for cell in question.cells()]
+        programs = [_program(questions[index], cell) for index, cell in places]
+    except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
+        raise InputError(str(error)) from None
     except ValueError as error:
         raise _NotProven(Verdict.INCONCLUSIVE, f"not proven: {error}") from None
     clock["exact"] += time.perf_counter() - started
 
-    written, margins, numerical, solved = [], [], [], []
-    for done, (cell, solution) in enumerate(zip(cells, _solutions(questions, workers), strict=True)):
+    written, margins, per_metre, solved = [], [], [], []
+    for done, ((index, cell), solution) in enumerate(zip(places, _solutions(programs, workers), strict=True)):
+        decrease = questions[index]
         clock["sos"] += solution.seconds
-        numerical.append(solution.margin)
         solved.append(solution)
+        numerical = min(answer.margin for answer in solved)
         if solution.status not in USABLE + HINT_ONLY or not _is_finite(solution):
-            raise _NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {_named(cell)}: {solution.status}")
+            message = f"the solver gave no answer for {_named(questions, index, cell)}: {solution.status}"
+            raise _NotProven(Verdict.SOLVER_FAILED, message)
         started = time.perf_counter()
         proof, grams, proven = _exact_proof(decrease, cell, solution)
         clock["exact"] += time.perf_counter() - started
@@ -251,22 +294,30 @@ def _certify_segment(
             shown = f"only {decimal_text(proven)} is proven" if proof else "its rounding is not proven"
             raise _NotProven(
                 verdict,
-                f"condition (d), {_named(cell)}: margin {solution.margin:.6g} ({solution.status}), {shown}",
-                min(numerical),
+                f"condition (d), {_named(questions, index, cell)}: margin {solution.margin:.6g} ({solution.status}), {shown}",
+                numerical,
                 _suspects(decrease, solved),
             )
-        written.append((cell.piece, cell.signs, proof.margin, grams))
+        written.append(((index, cell.piece, cell.signs), proof.margin, grams))
         margins.append(proven)
+        per_metre.append(proven / decrease.extreme.profile["speed"])
         if progress:
-            progress("certify", done + 1, len(cells))
-    margin = fmpq(math.floor(min(margins) * 2**MARGIN_BITS), 2**MARGIN_BITS)
-    if not margin > 0:
+            progress("certify", done + 1, len(places))
+    margin, margin_per_metre = (
+        fmpq(math.floor(min(found) * 2**MARGIN_BITS), 2**MARGIN_BITS) for found in (margins, per_metre)
+    )
+    if not min(margin, margin_per_metre) > 0:
         raise _NotProven(
             Verdict.INCONCLUSIVE, f"condition (d): margin {decimal_text(min(margins))} is too small to state"
         )
-    hinted = sum(solution.status in HINT_ONLY for solution in solved)
-    hints = write_steady_proof(decrease, written)
-    return _SegmentProof(margin, min(numerical), hints, _suspects(decrease, solved), hinted)
+    return _SegmentProof(
+        margin=margin,
+        margin_per_metre=margin_per_metre if isinstance(segment, Tube) else None,
+        numerical=min(solution.margin for solution in solved),
+        hints=write_steady_proof(questions[0], written),
+        suspects=_suspects(questions[0], solved),
+        hinted=sum(solution.status in HINT_ONLY for solution in solved),
+    )
 
 
 def _is_finite(solution: SosSolution) -> bool:
@@ -305,22 +356,22 @@ def _broken_containments(problem: Problem, rounded: RoundedFunnel) -> list[str]:
     )
 
 
-_Question = tuple[fmpq_mpoly, fmpq_mpoly, list[fmpq_mpoly], tuple[tuple[Exponents, ...], ...]]
+_Program = tuple[fmpq_mpoly, fmpq_mpoly, list[fmpq_mpoly], tuple[tuple[Exponents, ...], ...]]
 
 
-def _question(decrease: SteadyDecrease, cell: Cell) -> _Question:
+def _program(decrease: SteadyDecrease, cell: Cell) -> _Program:
     """What `solve` is asked about a cell. Made in one thread: only the solver works beside others."""
     drop = decrease.drop(decrease.pieces[cell.piece])
     return decrease.target(cell), drop, decrease.constraints(cell), decrease.bases
 
 
-def _solutions(questions: list[_Question], workers: int) -> Iterator[SosSolution]:
-    """Numerical solutions in the order of the questions."""
+def _solutions(programs: list[_Program], workers: int) -> Iterator[SosSolution]:
+    """Numerical solutions in the order of the programs."""
     if workers <= 1:
-        yield from (solve(*question) for question in questions)
+        yield from (solve(*program) for program in programs)
         return
     with ThreadPoolExecutor(workers) as pool:
-        yield from pool.map(lambda question: solve(*question), questions)
+        yield from pool.map(lambda program: solve(*program), programs)
 
 
 def _exact_proof(
@@ -344,5 +395,6 @@ def _exact_proof(
     return None, [], fmpq(0)
 
 
-def _named(cell: Cell) -> str:
-    return f"piece {cell.piece}, signs ({''.join('+' if sign > 0 else '-' for sign in cell.signs)})"
+def _named(questions: list[SteadyDecrease], index: int, cell: Cell) -> str:
+    place = place_of([question.extreme for question in questions], index)
+    return f"{place}piece {cell.piece}, signs ({''.join('+' if sign > 0 else '-' for sign in cell.signs)})"

@@ -19,7 +19,7 @@ from cfjax.check.rational import rational
 from cfjax.errors import InputError
 from cfjax.falsifier import WorstPoint, falsify
 from cfjax.funnel import Funnel
-from cfjax.problem import Problem
+from cfjax.problem import Problem, Tube
 from cfjax.verdict import Verdict
 
 
@@ -54,15 +54,18 @@ def refute(
         funnel.template.name,
         shape,
         exact(funnel.rate),
-        rational(float(funnel.beta_lower)),
+        (rational(float(funnel.beta_lower)), rational(float(funnel.inner))),
         rational(float(margin)),
     )
+    references = range(sum(map(len, segment.references())))
     for point in falsify(problem, segment, funnel) if points is None else points:
-        for theta, x in _variants(funnel, segment.duration, point):
-            document = seal("refutation", question, [candidate], write_witness(point.condition, theta, x))
-            report = check_document(json.loads(dump(document)))
-            if report.outcome is Outcome.REFUTED:
-                return Certification(Verdict.REFUTED, report.message, funnels=(funnel,), document=document)
+        for theta, x in _variants(funnel, 0.0 if isinstance(segment, Tube) else segment.duration, point):
+            for reference in references if point.condition == "d" else (0,):
+                witness = write_witness(point.condition, theta, reference, x)
+                document = seal("refutation", question, [candidate], witness)
+                report = check_document(json.loads(dump(document)))
+                if report.outcome is Outcome.REFUTED:
+                    return Certification(Verdict.REFUTED, report.message, funnels=(funnel,), document=document)
     return Certification(Verdict.INCONCLUSIVE, "no point was found at which a condition is violated", funnels=(funnel,))
 
 

@@ -8,11 +8,11 @@ from typing import Any
 from flint import fmpq
 
 from cfjax.check.decrease import Matrix, SteadyDecrease
-from cfjax.check.document import FORMAT, VERSION, document_hash
+from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
 from cfjax.check.graph import Graph, Node
 from cfjax.check.rational import rational
 from cfjax.errors import InputError
-from cfjax.problem import Method, Problem, Profile, Segment, Vehicle
+from cfjax.problem import Method, Problem, Profile, Segment, Tube, Vehicle
 
 
 Gram = tuple[int, list[int]]  # exponent and lower triangle, `cfjax.certificate.rounding`
@@ -41,22 +41,29 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
     }
 
 
-def write_funnel(template: str, shape: Matrix, rate: fmpq, beta_lower: fmpq, margin: fmpq) -> dict[str, Any]:
-    """One segment's V with the margin that is claimed for it."""
+def write_funnel(
+    template: str,
+    shape: Matrix,
+    rate: fmpq,
+    levels: tuple[fmpq, fmpq],
+    margin: fmpq,
+    margin_per_metre: fmpq | None = None,
+) -> dict[str, Any]:
+    """One segment's V with the margin that is claimed for it; `levels` are β̲ and β_in."""
     return {
         "template": template,
         "shape": [str(shape[i][j]) for i in range(len(shape)) for j in range(i + 1)],
         "rate": str(rate),
         "beta": "1",
-        "beta_lower": str(beta_lower),
+        "beta_lower": str(levels[0]),
+        "beta_inner": str(levels[1]),
         "margin": str(margin),
+        "margin_per_metre": None if margin_per_metre is None else str(margin_per_metre),
     }
 
 
-def write_steady_proof(
-    decrease: SteadyDecrease, cells: Sequence[tuple[int, tuple[int, ...], fmpq, Sequence[Gram]]]
-) -> dict:
-    """The hints for condition (d): per cell its level piece, signs, margin and Gram matrices."""
+def write_steady_proof(decrease: SteadyDecrease, cells: Sequence[tuple[CellKey, fmpq, Sequence[Gram]]]) -> dict:
+    """The hints for condition (d): per cell its reference, level piece, signs, margin and Gram matrices."""
     return {
         "kind": "steady",
         "whitening": [[str(entry) for entry in row] for row in decrease.whitening],
@@ -74,19 +81,20 @@ def write_steady_proof(
         ],
         "cells": [
             {
+                "reference": reference,
                 "piece": piece,
                 "signs": list(signs),
                 "margin": str(margin),
                 "grams": [{"exponent": exponent, "lower": list(lower)} for exponent, lower in grams],
             }
-            for piece, signs, margin, grams in cells
+            for (reference, piece, signs), margin, grams in cells
         ],
     }
 
 
-def write_witness(condition: str, theta: fmpq, x: Sequence[fmpq]) -> dict[str, Any]:
-    """Where a candidate violates a condition."""
-    return {"condition": condition, "theta": str(theta), "x": [str(value) for value in x]}
+def write_witness(condition: str, theta: fmpq, reference: int, x: Sequence[fmpq]) -> dict[str, Any]:
+    """Where a candidate violates a condition, and at which of the extreme references."""
+    return {"condition": condition, "theta": str(theta), "reference": reference, "x": [str(value) for value in x]}
 
 
 def seal(claim: str, problem: Mapping[str, Any], funnels: list[dict], last: list[dict] | dict) -> dict[str, Any]:
@@ -127,7 +135,10 @@ def _node(node: Node) -> list:
     return [node.op, node.name] if node.name is not None else [node.op, *node.args]
 
 
-def _segment(segment: Segment) -> dict[str, Any]:
+def _segment(segment: Segment | Tube) -> dict[str, Any]:
+    if isinstance(segment, Tube):
+        bounds = {"curvature": segment.curvature, "speed": segment.speed, "acceleration": segment.acceleration}
+        return {name: [_number(interval.lower), _number(interval.upper)] for name, interval in bounds.items()}
     return {
         "duration": _number(segment.duration),
         "turn_rate": _profile(segment.turn_rate, segment.duration),

@@ -5,6 +5,9 @@ V̇ ≤ −λ on the shell" reads (`cfjax.funnel.template`)
 
     for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ drop(q).
 
+Along a tube it has to hold at several references (`cfjax.check.tube`), for some of them with the same input at the same y:
+these share the s_i below, which are then those of their nominal reference.
+
 The shell is cut at the q where `drop` has its kink, and each piece into the cells of one sign pattern of the
 polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
 of one vertex u of the input box. On a cell
@@ -19,12 +22,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import arb, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
-from cfjax.check.rational import bits, exp_bounds, is_positive_definite, sqrt_upper
+from cfjax.check.rational import bits, exp_bounds, is_positive_definite, sqrt_upper, upper_bound
 
 
 Matrix = Sequence[Sequence[fmpq]]
@@ -57,25 +61,45 @@ def end_level(template: str, rate: fmpq, duration: fmpq) -> tuple[fmpq, fmpq]:
     raise ValueError(f"unknown template {template!r}")
 
 
-def steady_pieces(template: str, rate: fmpq, duration: fmpq, beta_lower: fmpq) -> list[LevelPiece]:
-    """The shell β̲ ≤ V ≤ 1 of a steady segment, θ eliminated: ranges of q that cover it.
+class Extreme(NamedTuple):
+    """One reference that has to be proven, and the one at which the signs of its cells are read; by profile names."""
+
+    nominal: Mapping[str, fmpq]
+    profile: Mapping[str, fmpq]
+
+
+def steady_pieces(
+    template: str, rate: fmpq, duration: fmpq, beta_lower: fmpq, beta_inner: fmpq
+) -> list[LevelPiece]:
+    """The shell β_in ≤ V ≤ 1 of a steady segment, θ eliminated: ranges of q that cover it; β_in ≤ β̲.
 
     Raises:
         ValueError: where the shell would hold the reference itself (q = 0).
     """
     low, high = end_level(template, rate, duration)
     zero, one = fmpq(0), fmpq(1)
+    peak = max(one, high)
     if template == "paper":
-        pieces = [LevelPiece(beta_lower - max(rate * duration, zero), max(one, high), (rate, zero), (one, zero))]
+        change = max(rate * duration, zero)
+        start, kink = beta_inner - change, beta_lower - change
+        timing, rising, flat = (rate, zero), (change / beta_lower, 1 / beta_lower), (one, zero)
     else:
-        start, peak = beta_lower * min(low, one), max(high, one)
-        rising, flat = (zero, 1 / beta_lower), (peak, zero)
-        pieces = [LevelPiece(beta_lower * peak, peak, (zero, rate), flat)]
-        if start < beta_lower * peak:  # else the level is constant
-            pieces.insert(0, LevelPiece(start, beta_lower * peak, (zero, rate), rising))
+        start, kink = beta_inner * min(low, one), beta_lower * peak
+        timing, rising, flat = (zero, rate), (zero, 1 / beta_lower), (peak, zero)
+    pieces = [LevelPiece(kink, peak, timing, flat)]
+    if start < kink:
+        pieces.insert(0, LevelPiece(start, kink, timing, rising))
     if pieces[0].lower <= 0:
-        raise ValueError("the shell reaches the reference: c0 T has to stay below beta_lower")
+        raise ValueError("the shell reaches the reference: c0 T has to stay below the shell's inner level")
     return pieces
+
+
+def contraction_way(beta_lower: fmpq, beta_inner: fmpq) -> fmpq:
+    """By how much λ t has to grow until V ≤ 1 has become V ≤ β_in: a rational that is at least that.
+
+    V̇ ≤ −λ down to β̲, then V̇ ≤ −λ V/β̲: 1 − β̲ + β̲ ln(β̲/β_in).
+    """
+    return 1 - beta_lower + beta_lower * upper_bound(arb(beta_lower / beta_inner).log())
 
 
 @dataclass(frozen=True)
@@ -98,15 +122,15 @@ class CellProof:
 
 @dataclass(frozen=True)
 class SteadyDecrease:
-    """Condition (d) on one steady segment; everything is rational.
+    """Condition (d) at one reference that does not depend on θ; everything is rational.
 
-    `profile` gives the reference's constants by the graph's input names, `inputs` the box by input name (u0 first),
+    `extreme` gives the reference's constants by the graph's input names, `inputs` the box by input name (u0 first),
     `enclosures` one `UnaryEnclosure` per node of the graph that applies a function.
     """
 
     graph: Graph
     states: tuple[str, ...]
-    profile: Mapping[str, fmpq]
+    extreme: Extreme
     inputs: Mapping[str, tuple[fmpq, fmpq]]
     shape: Matrix  # C
     whitening: Matrix  # W
@@ -163,16 +187,19 @@ class SteadyDecrease:
             raise ValueError("the whitening is not close enough to C^{-1/2}, or C is not positive definite")
         return Domain(self.ring, radius_squared)
 
-    def rates(self, inputs: Mapping[str, fmpq], function: ApplyFunction) -> list[Enclosure]:
+    def rates(
+        self, inputs: Mapping[str, fmpq], function: ApplyFunction, profile: Mapping[str, fmpq] | None = None
+    ) -> list[Enclosure]:
         """The deviation's rate ẋ at constant inputs; `function(node, name, argument)` encloses a function's value."""
+        profile = self.extreme.profile if profile is None else profile
         values = {name: self.domain.exact(x) for name, x in zip(self.states, self.deviations, strict=True)}
-        values |= {f"reference:{name}": self.domain.constant(value) for name, value in self.profile.items()}
+        values |= {f"reference:{name}": self.domain.constant(value) for name, value in profile.items()}
         values |= {f"input:{name}": self.domain.constant(value) for name, value in inputs.items()}
         return self.graph.evaluate(values, self.domain.constant, function)
 
-    def form_rate(self, inputs: Mapping[str, fmpq]) -> Enclosure:
+    def form_rate(self, inputs: Mapping[str, fmpq], profile: Mapping[str, fmpq]) -> Enclosure:
         """q̇ = ∇q · f(x, u) at constant inputs."""
-        rates = self.rates(inputs, lambda node, _, argument: argument.apply(self.enclosures[node]))
+        rates = self.rates(inputs, lambda node, _, argument: argument.apply(self.enclosures[node]), profile)
         total = self.domain.constant(fmpq(0))
         for gradient, rate in zip(self.covector, rates, strict=True):
             total = total + self.domain.exact(gradient) * rate
@@ -187,7 +214,8 @@ class SteadyDecrease:
     def form_rates(self) -> dict[tuple[fmpq, ...], Enclosure]:
         """q̇ at every vertex of the input box."""
         corners = product(*(sorted({lower, upper}) for lower, upper in self.inputs.values()))
-        return {corner: self.form_rate(dict(zip(self.inputs, corner, strict=True))) for corner in corners}
+        profile = self.extreme.profile
+        return {corner: self.form_rate(dict(zip(self.inputs, corner, strict=True)), profile) for corner in corners}
 
     def cells(self) -> Iterator[Cell]:
         """All sign patterns on all pieces, each with its best vertex: the lower end where s_i ≥ 0, else the upper."""
@@ -217,12 +245,19 @@ class SteadyDecrease:
 
     @cached_property
     def slopes(self) -> dict[str, fmpq_mpoly]:
-        """∂q̇/∂(input i) for each free input, as the proof has it."""
+        """∂q̇/∂(input i) for each free input at the nominal reference, as the proof has it."""
         found = {}
+        nominal, profile = self.extreme
+
+        def form_rate(corner: Mapping[str, fmpq]) -> fmpq_mpoly:
+            if nominal == profile:
+                return self.form_rates[tuple(corner.values())].polynomial
+            return self.form_rate(corner, nominal).polynomial
+
         for name in self.free_inputs:
             lower, upper = self.inputs[name]
             bottom = {label: low for label, (low, _) in self.inputs.items()}
-            ends = (self.form_rates[tuple((bottom | {name: end}).values())].polynomial for end in (lower, upper))
+            ends = (form_rate(bottom | {name: end}) for end in (lower, upper))
             low, high = (self.domain.product(end, self.ring.constant(1 / (upper - lower))) for end in ends)
             found[name] = self.domain.sum(high, self.domain.negative(low))
         return found

@@ -12,13 +12,14 @@ from math import comb
 
 from flint import fmpq
 
-from cfjax.check.decrease import Matrix
+from cfjax.check.decrease import Extreme, Matrix
 from cfjax.check.graph import ARITY, Graph, Node
 from cfjax.check.reader import Broken, Item, Unreadable
+from cfjax.check.tube import TubeClaim
 
 
 FORMAT = "cfjax-certificate"
-VERSION = 1
+VERSION = 2
 CLAIMS = ("funnel", "refutation")
 TEMPLATES = {"paper": "c0", "contracting": "rate"}
 MOST_STATES = 6
@@ -26,10 +27,14 @@ MOST_INPUTS = 4  # u0 among them
 MOST_NODES = 400
 MOST_FUNCTIONS = 32  # nodes that apply sin, cos, …
 MOST_MONOMIALS = 128  # rows of a Gram matrix
-MOST_CELLS = 32  # two pieces, sixteen patterns of the signs of four inputs
+MOST_EXTREMES = 8  # references of a tube: ends of curvature, speed, acceleration
+MOST_CELLS = 32 * MOST_EXTREMES  # two pieces, sixteen patterns of the signs of four inputs
 MOST_GRAM_ENTRIES = 300_000  # of the whole proof; a circle's takes about 20 000
 MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
 LARGEST_GRAM_ENTRY = 2**64  # a circle's reach 2^36
+
+
+CellKey = tuple[int, int, tuple[int, ...]]  # reference, piece, signs
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,10 @@ class SegmentClaim:
         zero = fmpq(0)
         return {"turn_rate": self.turn_rate, "speed": self.speed, "turn_rate_slope": zero, "speed_slope": zero}
 
+    def extremes(self) -> list[Extreme]:
+        """The references that have to be proven: there is but one."""
+        return [Extreme(self.profile, self.profile)]
+
 
 @dataclass(frozen=True)
 class ProblemClaim:
@@ -65,7 +74,7 @@ class ProblemClaim:
     method: str
     inputs: Mapping[str, tuple[fmpq, fmpq]]  # u0 first
     path: str
-    segments: tuple[SegmentClaim, ...]
+    segments: tuple[SegmentClaim | TubeClaim, ...]
     inlet: tuple[fmpq, ...]  # half-axes of I
     goal: tuple[fmpq, ...]  # half-axes of G
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
@@ -73,35 +82,38 @@ class ProblemClaim:
 
 @dataclass(frozen=True)
 class FunnelClaim:
-    """V of a template on one segment, β = 1, and the margin λ (1/s) that is claimed for it."""
+    """V of a template on one segment, β = 1, and the margin λ (1/s) that is claimed for it; for a tube, per metre too."""
 
     template: str
     shape: Matrix
     rate: fmpq
     beta_lower: fmpq
+    beta_inner: fmpq
     margin: fmpq
+    margin_per_metre: fmpq | None
 
 
 @dataclass(frozen=True)
 class SteadyHints:
-    """What the prover found for condition (d) on a steady segment; nothing of it is believed.
+    """What the prover found for condition (d) on a steady segment or tube; nothing of it is believed.
 
     `enclosures` gives (function, coefficients, lower, upper, bound) by node, `cells` (margin, Gram matrices) by
-    level piece and signs.
+    extreme reference, level piece and signs.
     """
 
     whitening: Matrix
     degrees: tuple[int, ...]
     enclosures: Mapping[int, tuple[str, tuple[fmpq, ...], fmpq, fmpq, fmpq]]
-    cells: Mapping[tuple[int, tuple[int, ...]], tuple[fmpq, tuple[Matrix, ...]]]
+    cells: Mapping[CellKey, tuple[fmpq, tuple[Matrix, ...]]]
 
 
 @dataclass(frozen=True)
 class Witness:
-    """A deviation x at θ (s) at which a candidate violates a condition, one of a, b, c, d."""
+    """A deviation x at θ (s) at which a candidate violates a condition, one of a, b, c, d; of a tube, at a reference."""
 
     condition: str
     theta: fmpq
+    reference: int  # which of the extreme ones
     x: tuple[fmpq, ...]
 
 
@@ -207,10 +219,25 @@ def _input(item: Item) -> tuple[str, tuple[fmpq, fmpq]]:
     return name.label(), (lower.rational(), upper.rational())
 
 
-def _segment(item: Item) -> SegmentClaim:
+def _segment(item: Item) -> SegmentClaim | TubeClaim:
+    if isinstance(item.value, dict) and "curvature" in item.value:
+        return _tube(item)
     duration, turn_rate, speed = item.record("duration", "turn_rate", "speed")
     length = duration.positive()
     return SegmentClaim(length, _constant(turn_rate, length), _constant(speed, length))
+
+
+def _tube(item: Item) -> TubeClaim:
+    bounds = item.record("curvature", "speed", "acceleration")
+    ranges = []
+    for entry in bounds:
+        lower, upper = (end.rational() for end in entry.items(2, 2))
+        if lower > upper:
+            entry.refuse("an interval, lower end first")
+        ranges.append((lower, upper))
+    if not ranges[1][0] > 0:
+        bounds[1].refuse("speeds above zero")
+    return TubeClaim(*ranges)
 
 
 def _constant(item: Item, duration: fmpq) -> fmpq:
@@ -223,15 +250,26 @@ def _constant(item: Item, duration: fmpq) -> fmpq:
 
 
 def _funnel(item: Item, size: int) -> FunnelClaim:
-    template, shape, rate, beta, beta_lower, margin = item.record(
-        "template", "shape", "rate", "beta", "beta_lower", "margin"
+    template, shape, rate, beta, beta_lower, beta_inner, margin, per_metre = item.record(
+        "template", "shape", "rate", "beta", "beta_lower", "beta_inner", "margin", "margin_per_metre"
     )
     if beta.rational() != 1:
         beta.refuse("1, to which V is normalised")
     inner = beta_lower.positive()
     if not inner < 1:
         beta_lower.refuse("a rational between 0 and 1")
-    return FunnelClaim(template.choice(*TEMPLATES), _symmetric(shape, size), rate.rational(), inner, margin.rational())
+    innermost = beta_inner.positive()
+    if innermost > inner:
+        beta_inner.refuse("a rational above 0, at most beta_lower")
+    return FunnelClaim(
+        template=template.choice(*TEMPLATES),
+        shape=_symmetric(shape, size),
+        rate=rate.rational(),
+        beta_lower=inner,
+        beta_inner=innermost,
+        margin=margin.rational(),
+        margin_per_metre=None if per_metre.value is None else per_metre.rational(),
+    )
 
 
 def _symmetric(item: Item, size: int) -> Matrix:
@@ -246,9 +284,12 @@ def unpack_triangle(entries: list[fmpq], size: int) -> Matrix:
 
 
 def _witness(item: Item, size: int) -> Witness:
-    condition, theta, x = item.record("condition", "theta", "x")
+    condition, theta, reference, x = item.record("condition", "theta", "reference", "x")
     return Witness(
-        condition.choice("a", "b", "c", "d"), theta.rational(), tuple(entry.rational() for entry in x.items(size, size))
+        condition=condition.choice("a", "b", "c", "d"),
+        theta=theta.rational(),
+        reference=reference.integer(0, MOST_EXTREMES - 1),
+        x=tuple(entry.rational() for entry in x.items(size, size)),
     )
 
 
@@ -277,8 +318,12 @@ def _steady_hints(item: Item, problem: ProblemClaim) -> SteadyHints:
     if len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes) > MOST_GRAM_ENTRIES:
         cells.refuse(f"Gram matrices with at most {MOST_GRAM_ENTRIES} entries together")
     for entry in entries:
-        piece, signs, margin, grams = entry.record("piece", "signs", "margin", "grams")
-        key = piece.integer(0, MOST_CELLS), tuple(sign.integer(-1, 1) for sign in signs.items(MOST_INPUTS, least=0))
+        reference, piece, signs, margin, grams = entry.record("reference", "piece", "signs", "margin", "grams")
+        key = (
+            reference.integer(0, MOST_EXTREMES - 1),
+            piece.integer(0, MOST_CELLS),
+            tuple(sign.integer(-1, 1) for sign in signs.items(MOST_INPUTS, least=0)),
+        )
         if key in by_cell:
             entry.refuse("each cell once")
         tables = grams.items(len(sizes), len(sizes))

@@ -8,7 +8,7 @@ The deviation x at θ violates, for the candidate's V and claimed margin λ,
     (d)  β̲ ≤ V(θ, x) ≤ 1, and V̇ > −λ at every vertex of the input box: V̇ is affine in the inputs, so at every input
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 from flint import arb, fmpq
@@ -18,9 +18,12 @@ from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, Witnes
 from cfjax.check.graph import Graph
 from cfjax.check.rational import exp_bounds, pi_lower, pi_upper
 from cfjax.check.reader import Broken
+from cfjax.check.tube import TubeClaim
 
 
-def confirm_witness(problem: ProblemClaim, segment: SegmentClaim, funnel: FunnelClaim, witness: Witness) -> str:
+def confirm_witness(
+    problem: ProblemClaim, segment: SegmentClaim | TubeClaim, funnel: FunnelClaim, witness: Witness
+) -> str:
     """One line that says what the witness shows.
 
     Raises:
@@ -31,6 +34,11 @@ def confirm_witness(problem: ProblemClaim, segment: SegmentClaim, funnel: Funnel
         raise Broken("witness: theta lies outside the segment")
     if witness.condition in "ab" and theta != (0 if witness.condition == "a" else segment.duration):
         raise Broken(f"witness: condition ({witness.condition}) is about one end of the segment, not this theta")
+    extremes = segment.extremes()
+    if witness.reference >= len(extremes):
+        raise Broken("witness: no such reference")
+    if isinstance(segment, TubeClaim) and funnel.rate != 0:
+        raise Broken("witness: the V of a tube has rate 0")
     form = _form(funnel.shape, x)
     exponent = -funnel.rate * theta
     low, high = (1 + exponent, 1 + exponent) if funnel.template == "paper" else exp_bounds(exponent)
@@ -56,13 +64,14 @@ def confirm_witness(problem: ProblemClaim, segment: SegmentClaim, funnel: Funnel
 
     if heading >= pi_lower():
         raise Broken("witness: its heading lies beyond where it wraps")
-    # β̲ ≤ V: for `paper` q ≥ β̲ − c0 θ, for `contracting` q ≥ β̲ ρ(θ)
+    # β̲ ≤ V, where λ is asked for in full: for `paper` q ≥ β̲ − c0 θ, for `contracting` q ≥ β̲ ρ(θ)
     floor = funnel.beta_lower + exponent if funnel.template == "paper" else funnel.beta_lower * high
     if not (inside and form >= floor):
         raise Broken("witness: not a deviation in the shell beta_lower <= V <= 1")
     require_affine(problem.vehicle.graph, tuple(problem.inputs))
+    profile = extremes[witness.reference].profile  # one of the paths that the funnel is for
     for vertex in product(*(sorted(set(ends)) for ends in problem.inputs.values())):
-        rate = _value_rate(problem, segment, funnel, witness, dict(zip(problem.inputs, vertex, strict=True)), form)
+        rate = _value_rate(problem, profile, funnel, witness, dict(zip(problem.inputs, vertex, strict=True)), form)
         if not rate > -arb(funnel.margin):
             raise Broken("witness: some vertex of the input box may decrease V fast enough")
     return "condition (d) fails: no input in the box decreases V as fast as claimed at a deviation of the shell"
@@ -97,7 +106,7 @@ def require_affine(graph: Graph, inputs: Sequence[str]) -> None:
 
 def _value_rate(
     problem: ProblemClaim,
-    segment: SegmentClaim,
+    profile: Mapping[str, fmpq],
     funnel: FunnelClaim,
     witness: Witness,
     inputs: dict[str, fmpq],
@@ -106,7 +115,7 @@ def _value_rate(
     """V̇ at the witness as a ball."""
     values = dict(zip(problem.vehicle.states, map(arb, witness.x), strict=True))
     values |= {f"input:{name}": arb(value) for name, value in inputs.items()}
-    values |= {f"reference:{name}": arb(value) for name, value in segment.profile.items()}
+    values |= {f"reference:{name}": arb(value) for name, value in profile.items()}
 
     def apply(_: int, function: str, argument: arb) -> arb:
         return {"sin": argument.sin, "cos": argument.cos, "tan": argument.tan, "inv": lambda: 1 / argument}[function]()

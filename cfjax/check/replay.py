@@ -15,9 +15,10 @@ from pathlib import Path
 from flint import fmpq
 
 from cfjax.check.containment import broken_containments
-from cfjax.check.decrease import Cell, CellProof, SteadyDecrease, steady_pieces
+from cfjax.check.decrease import CellProof, Extreme, SteadyDecrease, contraction_way, steady_pieces
 from cfjax.check.document import (
     TEMPLATES,
+    CellKey,
     Certificate,
     FunnelClaim,
     ProblemClaim,
@@ -30,6 +31,8 @@ from cfjax.check.rational import about, decimal_text
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness
 from cfjax.check.report import Outcome, Report
+from cfjax.check.symbolic import Symbolic, symbolic
+from cfjax.check.tube import TubeClaim, is_mirrored, place_of, require_tube_structure
 from cfjax.check.vehicle import check_known_vehicle
 
 
@@ -67,7 +70,7 @@ def _one_line(error: Exception) -> str:
 
 def _proven(certificate: Certificate) -> Report:
     problem = certificate.problem
-    vehicle = _check_problem(problem)
+    vehicle, dynamics = _check_problem(problem)
     for segment, funnel, hints in zip(problem.segments, certificate.funnels, certificate.hints, strict=True):
         broken = broken_containments(
             problem.vehicle.states,
@@ -81,10 +84,13 @@ def _proven(certificate: Certificate) -> Report:
         )
         if broken:
             raise Broken("; ".join(broken))
-        _check_decrease(problem, segment, funnel, hints)
+        _check_decrease(problem, dynamics, segment, funnel, hints)
+    margins = tuple(funnel.margin for funnel in certificate.funnels)
+    first = problem.segments[0]
+    if isinstance(first, TubeClaim):
+        return Report(Outcome.PROVEN, _tube_message(certificate, first, vehicle), margins)
     duration = sum((segment.duration for segment in problem.segments), fmpq(0))
     slowest, fastest = problem.inputs["u0"]
-    margins = tuple(funnel.margin for funnel in certificate.funnels)
     arrival = duration / fastest, duration / slowest
     message = (
         f"PROVEN: a control funnel function for {vehicle} along {_path(problem)}. "
@@ -97,10 +103,35 @@ def _proven(certificate: Certificate) -> Report:
     return Report(Outcome.PROVEN, message, margins, arrival)
 
 
+def _tube_message(certificate: Certificate, tube: TubeClaim, vehicle: str) -> str:
+    problem, funnel = certificate.problem, certificate.funnels[0]
+    assert funnel.margin_per_metre is not None
+    way = problem.inputs["u0"][1] * contraction_way(funnel.beta_lower, funnel.beta_inner) / funnel.margin_per_metre
+    comes_down = (
+        f" A car that enters at V = 1 is inside V <= {decimal_text(funnel.beta_inner, ROUND_CEILING)} after "
+        f"{decimal_text(way, ROUND_CEILING)} m of the path at the latest."
+    )
+    return (
+        f"PROVEN: one control funnel function for {vehicle} along every path whose pose and heading are continuous, "
+        f"whose speed is continuous in {_interval(tube.speed)} m/s, whose curvature, which may jump, lies in "
+        f"{_interval(tube.curvature)} 1/m and whose acceleration dv/dtheta lies in {_interval(tube.acceleration)} m/s^2. "
+        f"{_sets(problem, ROUND_FLOOR, ROUND_CEILING)} From every start in I, anywhere along the path, inputs "
+        f"{_inputs(problem, ROUND_FLOOR, ROUND_CEILING)} suffice to keep the car in the tube V <= 1 "
+        f"({_funnels(certificate, ROUND_CEILING)}), inside G and inside {_safe(problem, ROUND_CEILING)}, for ever; "
+        f"V decreases there with margin lambda = {decimal_text(funnel.margin, ROUND_FLOOR)} 1/s and "
+        f"{decimal_text(funnel.margin_per_metre, ROUND_FLOOR)} per metre of the reference at u0 = 1, or more." + comes_down
+    )
+
+
+def _interval(bounds: tuple[fmpq, fmpq]) -> str:
+    """Of a tube: printed no wider than it is."""
+    return f"[{decimal_text(bounds[0], ROUND_CEILING)}, {decimal_text(bounds[1], ROUND_FLOOR)}]"
+
+
 def _refuted(certificate: Certificate) -> Report:
     problem, witness = certificate.problem, certificate.witness
     assert witness is not None
-    vehicle = _check_problem(problem)
+    vehicle, _ = _check_problem(problem)
     if certificate.funnels[0].margin < 0:
         raise Broken("margin: a candidate claims a margin that is not negative")
     shown = confirm_witness(problem, problem.segments[0], certificate.funnels[0], witness)
@@ -115,8 +146,8 @@ def _refuted(certificate: Certificate) -> Report:
     return Report(Outcome.REFUTED, message)
 
 
-def _check_problem(problem: ProblemClaim) -> str:
-    """The vehicle in words, after what the problem itself has to satisfy."""
+def _check_problem(problem: ProblemClaim) -> tuple[str, Symbolic]:
+    """The vehicle in words and its dynamics in symbols, after what the problem itself has to satisfy."""
     for name, (lower, upper) in problem.inputs.items():
         if lower > upper:
             raise Broken(f"inputs: the lower limit of {name} is above the upper one")
@@ -128,42 +159,80 @@ def _check_problem(problem: ProblemClaim) -> str:
     name, parameters = problem.vehicle.name, problem.vehicle.parameters
     values = ", ".join(f"{label} {about(value)}" for label, value in parameters.items())
     described = f'the vehicle "{name}" ({values})' if values else f'the vehicle "{name}"'
-    if check_known_vehicle(name, parameters, problem.vehicle.states, problem.inputs, problem.vehicle.graph):
-        return described
-    return f"{described}, a name unknown to this checker: its dynamics are those of the graph in the file,"
+    dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
+    if check_known_vehicle(name, parameters, problem.vehicle.states, problem.inputs, dynamics):
+        return described, dynamics
+    unknown = f"{described}, a name unknown to this checker: its dynamics are those of the graph in the file,"
+    return unknown, dynamics
 
 
-def _check_decrease(problem: ProblemClaim, segment: SegmentClaim, funnel: FunnelClaim, hints: SteadyHints) -> None:
-    """Condition (d) with the claimed margin, cell by cell."""
-    if not funnel.margin > 0:
+def _check_decrease(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    segment: SegmentClaim | TubeClaim,
+    funnel: FunnelClaim,
+    hints: SteadyHints,
+) -> None:
+    """Condition (d) with the claimed margins, reference by reference, cell by cell."""
+    per_metre = funnel.margin_per_metre
+    if not funnel.margin > 0 or (per_metre is not None and not per_metre > 0):
         raise Broken("condition (d): the claimed margin is not positive")
+    extremes = _extremes(problem, dynamics, segment, funnel)
     try:
-        pieces = steady_pieces(funnel.template, funnel.rate, segment.duration, funnel.beta_lower)
-        decrease = SteadyDecrease(
-            graph=problem.vehicle.graph,
-            states=problem.vehicle.states,
-            profile=segment.profile,
-            inputs=problem.inputs,
-            shape=funnel.shape,
-            whitening=hints.whitening,
-            pieces=tuple(pieces),
-            enclosures=_enclosures(problem, hints),
-            degrees=hints.degrees,
-        )
-        cells = {(cell.piece, cell.signs): cell for cell in decrease.cells()}
+        pieces = steady_pieces(funnel.template, funnel.rate, segment.duration, funnel.beta_lower, funnel.beta_inner)
+        enclosures = _enclosures(problem, hints)
+        questions = [
+            SteadyDecrease(
+                graph=problem.vehicle.graph,
+                states=problem.vehicle.states,
+                extreme=extreme,
+                inputs=problem.inputs,
+                shape=funnel.shape,
+                whitening=hints.whitening,
+                pieces=tuple(pieces),
+                enclosures=enclosures,
+                degrees=hints.degrees,
+            )
+            for extreme in extremes
+        ]
+        cells = {
+            (index, cell.piece, cell.signs): (question, cell)
+            for index, question in enumerate(questions)
+            for cell in question.cells()
+        }
     except ValueError as error:
         raise Broken(f"condition (d): {error}") from None
     if cells.keys() != hints.cells.keys():
-        raise Broken(f"condition (d): the proof has to cover {len(cells)} cells, {_odd_cell(cells, hints)}")
+        raise Broken(f"condition (d): the proof has to cover {len(cells)} cells, {_odd_cell(cells, hints, extremes)}")
     for key, (margin, grams) in hints.cells.items():
-        place = f"condition (d), piece {key[0]}, signs {_signs(key[1])}"
+        place = f"condition (d), {_named(key, extremes)}"
+        question, cell = cells[key]
         try:
-            proven = decrease.proven_margin(CellProof(cells[key], margin, grams))
+            proven = question.proven_margin(CellProof(cell, margin, grams))
         except ValueError as error:
             raise Broken(f"{place}: {error}") from None
-        if proven < funnel.margin:
-            claimed, shown = decimal_text(funnel.margin, ROUND_CEILING), decimal_text(proven, ROUND_FLOOR)
-            raise Broken(f"{place}: margin {claimed} claimed, {shown} proven")
+        # affine in the speed between its ends, as V' is (`cfjax.check.tube`)
+        claims = [(funnel.margin, fmpq(1), "1/s")]
+        if per_metre is not None:
+            claims.append((per_metre, question.extreme.profile["speed"], "1/m"))
+        for claimed, unit, name in claims:
+            if proven < claimed * unit:
+                least, shown = decimal_text(claimed, ROUND_CEILING), decimal_text(proven / unit, ROUND_FLOOR)
+                raise Broken(f"{place}: margin {least} {name} claimed, {shown} {name} proven")
+
+
+def _extremes(
+    problem: ProblemClaim, dynamics: Symbolic, segment: SegmentClaim | TubeClaim, funnel: FunnelClaim
+) -> list[Extreme]:
+    """The references at which (d) has to be proven."""
+    if isinstance(segment, SegmentClaim):
+        if funnel.margin_per_metre is not None:
+            raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
+        return segment.extremes()
+    if funnel.rate != 0 or funnel.margin_per_metre is None:
+        raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
+    require_tube_structure(dynamics)
+    return segment.extremes(is_mirrored(dynamics, problem.vehicle.states, problem.inputs, funnel.shape, segment))
 
 
 def _enclosures(problem: ProblemClaim, hints: SteadyHints) -> dict[int, UnaryEnclosure]:
@@ -174,11 +243,14 @@ def _enclosures(problem: ProblemClaim, hints: SteadyHints) -> dict[int, UnaryEnc
     return {node: UnaryEnclosure(*entry) for node, entry in hints.enclosures.items()}
 
 
-def _odd_cell(cells: Mapping[tuple, Cell], hints: SteadyHints) -> str:
+def _odd_cell(cells: Mapping[CellKey, object], hints: SteadyHints, extremes: list[Extreme]) -> str:
     missing = sorted(cells.keys() - hints.cells.keys())
-    if missing:
-        return f"but piece {missing[0][0]} with signs {_signs(missing[0][1])} is missing"
-    return "but names others"
+    return f"but {_named(missing[0], extremes)} is missing" if missing else "but names others"
+
+
+def _named(key: CellKey, extremes: list[Extreme]) -> str:
+    reference, piece, signs = key
+    return f"{place_of(extremes, reference)}piece {piece}, signs {_signs(signs)}"
 
 
 def _signs(signs: tuple[int, ...]) -> str:
@@ -187,6 +259,11 @@ def _signs(signs: tuple[int, ...]) -> str:
 
 def _path(problem: ProblemClaim) -> str:
     segment = problem.segments[0]
+    if isinstance(segment, TubeClaim):
+        return (
+            f"every path with speed in {_interval(segment.speed)} m/s, curvature in {_interval(segment.curvature)} 1/m "
+            f"and acceleration in {_interval(segment.acceleration)} m/s^2"
+        )
     return (
         f'the path "{problem.path}" (turning rate {about(segment.turn_rate)} rad/s, speed {about(segment.speed)} m/s, '
         f"theta from 0 to {about(segment.duration)} s)"
@@ -220,6 +297,8 @@ def _inputs(problem: ProblemClaim, lower: str, upper: str) -> str:
 
 def _funnels(certificate: Certificate, inner_edge: str) -> str:
     funnel = certificate.funnels[0]
+    if isinstance(certificate.problem.segments[0], TubeClaim):
+        return f"shell from {decimal_text(funnel.beta_lower, inner_edge)}"
     return (
         f"template {funnel.template}, {TEMPLATES[funnel.template]} {about(funnel.rate)} 1/s, "
         f"shell from {decimal_text(funnel.beta_lower, inner_edge)}"

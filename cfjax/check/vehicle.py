@@ -8,15 +8,11 @@ checker's own, written down from the paper; the certificate's graph comes from t
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.enclosure import Domain, Enclosure
-from cfjax.check.graph import Graph
 from cfjax.check.reader import Broken
+from cfjax.check.symbolic import Symbolic
 
-
-REFERENCE = ("turn_rate", "speed", "turn_rate_slope", "speed_slope")
-Symbols = Mapping[str, fmpq_mpoly]
 
 
 @dataclass(frozen=True)
@@ -26,17 +22,18 @@ class KnownVehicle:
     parameters: tuple[str, ...]
     states: tuple[str, ...]
     limits: Mapping[str, str]  # input: the parameter that bounds its absolute value
-    rate: Callable[[Mapping[str, fmpq], Symbols], list[fmpq_mpoly]]
+    rate: Callable[[Mapping[str, fmpq], Symbolic], list[fmpq_mpoly]]
 
 
-def _bicycle(parameters: Mapping[str, fmpq], s: Symbols) -> list[fmpq_mpoly]:
+def _bicycle(parameters: Mapping[str, fmpq], dynamics: Symbolic) -> list[fmpq_mpoly]:
     """Eq. (bicycle-model) in the body frame of the reference, with w = tan γ."""
+    s = dynamics.symbols
     speed = s["v"] + s["reference:speed"]
     turning = s["reference:turn_rate"] * s["input:u0"]
     return [
         speed * s["input:w"] / parameters["wheelbase"] - turning,
-        -speed * s["sin alpha"] + turning * s["y"],
-        speed * s["cos alpha"] - s["reference:speed"] * s["input:u0"] - turning * s["x"],
+        -speed * dynamics.of("sin", "alpha") + turning * s["y"],
+        speed * dynamics.of("cos", "alpha") - s["reference:speed"] * s["input:u0"] - turning * s["x"],
         s["input:thrust"] - s["reference:speed_slope"] * s["input:u0"],
     ]
 
@@ -56,7 +53,7 @@ def check_known_vehicle(
     parameters: Mapping[str, fmpq],
     states: tuple[str, ...],
     inputs: Mapping[str, tuple[fmpq, fmpq]],
-    graph: Graph,
+    dynamics: Symbolic,
 ) -> bool:
     """Whether the name is one that the checker knows; the file is then held against what it stands for.
 
@@ -74,19 +71,6 @@ def check_known_vehicle(
         lower, upper = inputs[label]
         if lower < -parameters[parameter] or upper > parameters[parameter]:
             raise Broken(f"vehicle: the limits of {label} are wider than its {parameter}")
-    names = [*states, *(f"input:{label}" for label in inputs), *(f"reference:{label}" for label in REFERENCE)]
-    functions = ["sin alpha", "cos alpha"]
-    ring = fmpq_mpoly_ctx.get([f"z{k}" for k in range(len(names) + len(functions))], "degrevlex")
-    symbols = dict(zip([*names, *functions], ring.gens(), strict=True))
-    domain = Domain(ring, fmpq(1))  # every polynomial here is exact: the ball bounds nothing
-
-    def apply(_: int, function: str, argument: Enclosure) -> Enclosure:
-        if function not in ("sin", "cos") or argument.polynomial != symbols["alpha"]:
-            raise Broken(f"vehicle: the dynamics in the file are not those of a {name}")
-        return domain.exact(symbols[f"{function} alpha"])
-
-    values = {label: domain.exact(symbols[label]) for label in names}
-    given = [value.polynomial for value in graph.evaluate(values, domain.constant, apply)]
-    if given != known.rate(parameters, symbols):
+    if dynamics.rates != tuple(known.rate(parameters, dynamics)):
         raise Broken(f"vehicle: the dynamics in the file are not those of a {name}")
     return True

@@ -133,7 +133,7 @@ def _run(
     lower = np.tril_indices(size)
 
     def triangle(delta: Array) -> Array:
-        return jnp.zeros((size, size)).at[lower].set(delta[:-1])
+        return jnp.zeros((size, size)).at[lower].set(delta[:-1]) * instance.coupling
 
     def margins(factor: Array, change: Array, points: Array, smoothing: Array | float) -> Array:
         rate = change / instance.duration
@@ -181,7 +181,7 @@ def ridge_coordinates(vehicle: Vehicle, instance: Instance) -> Float[np.ndarray,
     An input attacks one state alone if its column of the dynamics has one entry that is not zero, wherever one looks.
     """
     probes = np.random.default_rng(0).normal(size=(8, len(instance.inlet))) * np.asarray(instance.inlet)[None, :]
-    columns = _columns(vehicle, jnp.asarray(probes), instance.reference)
+    columns = _columns(vehicle, jnp.asarray(probes), jax.tree.map(lambda values: values[0], instance.nominal))
     ridges = np.zeros(len(instance.inlet))
     for column in np.abs(np.asarray(columns)).max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column > 1e-12) == 1:

@@ -10,47 +10,91 @@ V_α ~ w_α and V_v ~ w_v), whatever the funnel: the ridges on which the margin 
 funnel changes, and a search can walk along them by leaving coordinates at zero.
 """
 
+import enum
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.funnel.funnel import Funnel
 from cfjax.funnel.template import Template
-from cfjax.problem import Problem, ReferencePoint, Segment, Vehicle, deviation_rate
+from cfjax.problem import Problem, ReferencePoint, Segment, Tube, Vehicle, deviation_rate, mirror_signs
 from cfjax.problem.vehicle import Scalar
 
 
-class Instance(NamedTuple):
-    """The numbers of one problem on one steady segment, as a pytree: one compiled program serves all of them."""
+class Unit(enum.Enum):
+    """What a margin is counted in: 1/s, 1/m of the reference's way, or in between.
 
-    reference: ReferencePoint
-    duration: Scalar  # T, s
+    At a high speed a margin in 1/s is worth little: what counts there is the way. Balanced margins, which a learner
+    maximises, are in 1/s at the slowest speed and grow with speed nearly as fast as margins per metre.
+    """
+
+    SECOND = 0.0
+    METRE = 1.0
+    BALANCED = 0.95  # exponent of the speed, relative to the slowest
+
+
+class Instance(NamedTuple):
+    """The numbers of one problem on one steady segment or tube, as a pytree: one compiled program serves all of them.
+
+    `references` are the extreme references, arrays (groups, members), `nominal` the one of each group, arrays (groups,),
+    at which signs are read; margins are divided by `unit` (groups, members). Groups of one member have none else.
+
+    Where a tube is its own mirror image, so is V: `coupling` is then zero between states of unlike parity, and one end
+    of the curvature speaks for both.
+    """
+
+    references: ReferencePoint
+    nominal: ReferencePoint
+    unit: Array | np.ndarray
+    duration: Scalar  # T, s; 1 for a tube, which has no end, and whose rate is zero
     beta_lower: Scalar
+    beta_inner: Scalar
     input_middle: Array | np.ndarray  # (1 + m,), u0 first
     input_half: Array | np.ndarray
     inlet: Array | np.ndarray  # half-axes of I, one per state
     goal: Array | np.ndarray  # half-axes of G
     safe: Array | np.ndarray  # half-widths of S, at most π in the heading (V is continuous only short of the wrap)
     change_bounds: tuple[Scalar, Scalar]  # of rate · duration
+    coupling: Array | np.ndarray  # (n, n): 1 where C may have an entry, else 0
 
 
-def instance_of(problem: Problem, segment: Segment, template: Template, beta_lower: float) -> Instance:
-    """The numbers that the conditions need."""
+def instance_of(
+    problem: Problem,
+    segment: Segment | Tube,
+    template: Template,
+    beta_lower: float,
+    beta_inner: float | None = None,
+    unit: Unit = Unit.SECOND,
+) -> Instance:
+    """The numbers that the conditions need; `beta_inner` is beta_lower unless given."""
+    endless = isinstance(segment, Tube)
+    references, nominal = np.array(segment.references(), float), np.array(segment.nominal(), float)
+    mirror = mirror_signs(problem.vehicle) if endless and segment.curvature.middle == 0 else None
+    if mirror:
+        references, nominal = references[-1:], nominal[-1:]
+    parity = np.array(mirror or (1,) * problem.dimension)
+    speed = references[..., 1]
     may_grow = all(start < end for start, end in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))
     safe = np.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension)
     safe[0] = min(safe[0], np.pi)
+    bounds = (0.0, 0.0) if endless else template.change_bounds(beta_lower, may_grow)
     return Instance(
-        reference=ReferencePoint(*map(np.float64, segment.point(0.0))),
-        duration=np.float64(segment.duration),
+        references=ReferencePoint(*np.moveaxis(references, -1, 0)),
+        nominal=ReferencePoint(*nominal.T),
+        unit=(speed if unit is Unit.METRE else speed / speed.min()) ** unit.value,
+        duration=np.float64(1.0 if endless else segment.duration),
         beta_lower=np.float64(beta_lower),
+        beta_inner=np.float64(beta_lower if beta_inner is None else beta_inner),
         input_middle=np.array([interval.middle for interval in problem.inputs]),
         input_half=np.array([interval.half for interval in problem.inputs]),
         inlet=np.array(problem.inlet.half_axes),
         goal=np.array(problem.goal.half_axes),
         safe=safe,
-        change_bounds=tuple(map(np.float64, template.change_bounds(beta_lower, may_grow))),
+        change_bounds=tuple(map(np.float64, bounds)),
+        coupling=(np.outer(parity, parity) > 0).astype(float),
     )
 
 
@@ -65,7 +109,7 @@ def shell_points(
     """From dual coordinates to deviations x, forms q and gradients ∇q; w in units of 1/half-axis of I, s ∈ [0, 1]."""
     covector = w / jnp.asarray(instance.inlet)[None, :]
     pulled = covector @ factor
-    low, high = template.shell(rate, instance.duration, instance.beta_lower)
+    low, high = template.shell(rate, instance.duration, instance.beta_inner)
     q = low + (high - low) * s
     size = jnp.sqrt(q) / jnp.sqrt(jnp.sum(pulled * pulled, axis=1))
     return size[:, None] * (pulled @ factor.T), q, 2 * size[:, None] * covector
@@ -91,31 +135,48 @@ def decrease_margins(
     s: Float[Array, " k"],
     smoothing: Scalar = 0.0,
 ) -> Float[Array, " k"]:
-    """Condition (d): the λ (1/s) that the best input in the box reaches at each point of the shell.
+    """Condition (d): the λ (1/s, over the instance's unit) that the best input in the box reaches at each point.
 
     min over the box of q̇ + timing u0 = a + Σ (b_i middle_i − |b_i| half_i); a `smoothing` > 0 (same unit) rounds |b_i|
-    off from above and so makes the margin look a little better than it is, never worse.
+    off from above and so makes the margin look a little better than it is, never worse. Of several extreme references
+    the worst counts; those of one group have to do with the one vertex that is best for their nominal reference.
     """
     x, q, gradient = shell_points(template, instance, factor, rate, w, s)
     states, slopes = tuple(x.T), tuple(gradient.T)
     count = 1 + len(vehicle.input_names)
 
-    def form_rate(inputs: tuple[float, ...]) -> Array:
-        rates = deviation_rate(vehicle, states, inputs, instance.reference)
-        return sum((g * r for g, r in zip(slopes, rates, strict=True)), jnp.zeros_like(q))
+    def affine(reference: ReferencePoint) -> tuple[Array, Array]:
+        """q̇ + timing u0 at one reference: its drift, shape (k,), and its columns b, shape (1 + m, k)."""
 
-    drift = form_rate((0.0,) * count)
-    best = drift
-    for i in range(count):
-        b = form_rate(tuple(float(i == j) for j in range(count))) - drift
-        if i == 0:
-            b = b + template.timing(rate, q)
-        reach = instance.input_half[i] * b
-        # the guarded root: at smoothing 0 and b = 0 its derivative would be NaN
-        square = reach**2 + smoothing**2
-        authority = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-        best = best + b * instance.input_middle[i] - authority
-    return -best / template.drop(rate, instance.duration, instance.beta_lower, q)
+        def form_rate(inputs: tuple[float, ...]) -> Array:
+            rates = deviation_rate(vehicle, states, inputs, reference)
+            return sum((g * r for g, r in zip(slopes, rates, strict=True)), jnp.zeros_like(q))
+
+        drift = form_rate((0.0,) * count)
+        columns = [form_rate(tuple(float(i == j) for j in range(count))) - drift for i in range(count)]
+        columns[0] = columns[0] + template.timing(rate, q)
+        return drift, jnp.stack(columns)
+
+    half, middle = jnp.asarray(instance.input_half)[:, None], jnp.asarray(instance.input_middle)[:, None]
+
+    def group(references: ReferencePoint, nominal: ReferencePoint, unit: Array) -> Array:
+        drift, columns = jax.vmap(affine)(references)
+        if unit.shape[0] == 1:  # its own nominal reference
+            authority = _rounded_abs(half * columns[0], smoothing)[None]
+        else:
+            reach = half * affine(nominal)[1]
+            authority = half[None] * columns * (reach / _rounded_abs(reach, smoothing, at_zero=1.0))[None]
+        best = drift + (columns * middle[None] - authority).sum(axis=1)
+        return (-best / unit[:, None]).min(axis=0)
+
+    margins = jax.vmap(group)(instance.references, instance.nominal, jnp.asarray(instance.unit)).min(axis=0)
+    return margins / template.drop(rate, instance.duration, instance.beta_lower, q)
+
+
+def _rounded_abs(value: Array, smoothing: Scalar, at_zero: float = 0.0) -> Array:
+    """√(value² + smoothing²), differentiable without smoothing too: the derivative of a bare root at 0 is NaN."""
+    square = value**2 + smoothing**2
+    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), at_zero)
 
 
 def containment_excess(

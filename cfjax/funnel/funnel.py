@@ -17,12 +17,20 @@ class Funnel:
     template: Template
     shape: Float[np.ndarray, "n n"]  # C, symmetric positive definite; units: 1 over those of the states, squared
     rate: float  # c0 or k, 1/s
-    duration: float  # T, s
-    beta_lower: float = 0.9  # the shell on which V decreases is beta_lower ≤ V ≤ 1
+    duration: float  # T, s; infinite for a tube, whose rate is zero
+    beta_lower: float = 0.9  # the shell on which V decreases at λ is beta_lower ≤ V ≤ 1
+    beta_inner: float | None = None  # below, down to here, it decreases at λ V / beta_lower; None: no further
 
     def __post_init__(self) -> None:
         if not 0 < self.beta_lower < 1:
             raise InputError(f"beta_lower: expected a number between 0 and 1, got {self.beta_lower}")
+        if self.beta_inner is not None and not 0 < self.beta_inner <= self.beta_lower:
+            raise InputError(
+                f"beta_inner: expected a number above 0 and at most beta_lower = {self.beta_lower}, "
+                f"got {self.beta_inner}"
+            )
+        if np.isinf(self.duration) and self.rate:
+            raise InputError(f"funnel: expected rate 0 for a tube, which has no end, got {self.rate}")
         if self.shape.shape != self.shape.T.shape or not np.allclose(self.shape, self.shape.T, rtol=0, atol=1e-12):
             raise InputError("funnel: expected a symmetric matrix C")
         if not np.linalg.eigvalsh(self.shape).min() > 0:
@@ -31,6 +39,16 @@ class Funnel:
     @property
     def dimension(self) -> int:
         return self.shape.shape[0]
+
+    @property
+    def inner(self) -> float:
+        """β_in: V decreases from 1 down to here."""
+        return self.beta_lower if self.beta_inner is None else self.beta_inner
+
+    @property
+    def end_level(self) -> float:
+        """ρ(T)."""
+        return 1.0 if np.isinf(self.duration) else float(self.level(self.duration))
 
     def form(self, x: Float[np.ndarray, "*batch n"]) -> Float[np.ndarray, "*batch"]:
         """q = xᵀ C x."""
@@ -47,3 +65,10 @@ class Funnel:
     def half_widths(self, theta: float = 0.0) -> Float[np.ndarray, " n"]:
         """Largest deviation in each state inside the funnel at θ."""
         return np.sqrt(self.level(theta) * np.diag(np.linalg.inv(self.shape)))
+
+    def absorbed_disturbance(self, margin: float) -> Float[np.ndarray, " n"]:
+        """Largest additive disturbance of each state's rate alone that leaves V̇ ≤ 0 on the shell (unit of x per s).
+
+        |∂q/∂x_i| ≤ 2 √(C_ii q), and V̇ = σ (q̇ + …) with σ q ≤ σ ρ: at θ = 0, where V = q, λ buys λ / (2 √C_ii).
+        """
+        return margin / (2 * np.sqrt(np.diag(self.shape)))

@@ -10,6 +10,10 @@ Condition (d) of the paper, V̇ ≤ −λ on the shell β̲ ≤ V ≤ 1, reads f
     q̇ + timing(q) u0 ≤ −λ drop      with timing = c0, drop = 1       on q ∈ [β̲ − c0 θ, 1 − c0 θ]
                                      with timing = k q, drop = ρ(θ)   on q ∈ [β̲ ρ(θ), ρ(θ)]
 
+Below β̲, down to an inner level β_in (β̲ itself unless somebody asks), the demand fades in proportion: V̇ ≤ −λ V/β̲, so
+that the time in which a deviation comes down from V = 1 to β_in is known. For `paper` drop = min(1, (q + c0 θ)/β̲), for
+`contracting` drop = min(ρ(θ), q/β̲).
+
 Where the dynamics do not depend on θ (a steady segment) neither does anything else, and θ is eliminated exactly: a
 deviation with form q has to decrease for every θ at which it lies in the shell, the worst of them has the largest drop.
 
@@ -51,12 +55,12 @@ class Template(abc.ABC):
         """The coefficient of u0 that the template adds to q̇."""
 
     @abc.abstractmethod
-    def shell(self, rate: Scalar, duration: Scalar, beta_lower: Scalar) -> tuple[Scalar, Scalar]:
-        """Smallest and largest q that lie in the shell β̲ ≤ V ≤ 1 at some θ ∈ [0, T]."""
+    def shell(self, rate: Scalar, duration: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
+        """Smallest and largest q that lie in the shell β_in ≤ V ≤ 1 at some θ ∈ [0, T]."""
 
     @abc.abstractmethod
     def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
-        """The largest 1/σ(θ) over the θ ∈ [0, T] at which q lies in the shell: q̇ + timing u0 ≤ −λ drop."""
+        """The largest min(1, V/β̲)/σ(θ) over the θ ∈ [0, T] at which q lies in the shell: q̇ + timing u0 ≤ −λ drop."""
 
     @abc.abstractmethod
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
@@ -81,12 +85,12 @@ class Paper(Template):
     def timing(self, rate: Scalar, q: Scalar) -> Scalar:
         return rate + 0 * q
 
-    def shell(self, rate: Scalar, duration: Scalar, beta_lower: Scalar) -> tuple[Scalar, Scalar]:
+    def shell(self, rate: Scalar, duration: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
         change = rate * duration
-        return beta_lower - jnp.maximum(change, 0.0), 1 - jnp.minimum(change, 0.0)
+        return beta_inner - jnp.maximum(change, 0.0), 1 - jnp.minimum(change, 0.0)
 
     def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
-        return 1 + 0 * q
+        return jnp.minimum(1.0, (q + jnp.maximum(rate * duration, 0.0)) / beta_lower)
 
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
         # c0 T has to stay below β̲, or the shell would hold x = 0, where V̇ = c0 u0 > 0
@@ -111,9 +115,9 @@ class Contracting(Template):
     def timing(self, rate: Scalar, q: Scalar) -> Scalar:
         return rate * q
 
-    def shell(self, rate: Scalar, duration: Scalar, beta_lower: Scalar) -> tuple[Scalar, Scalar]:
+    def shell(self, rate: Scalar, duration: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
         end = jnp.exp(-rate * duration)
-        return beta_lower * jnp.minimum(end, 1.0), jnp.maximum(end, 1.0)
+        return beta_inner * jnp.minimum(end, 1.0), jnp.maximum(end, 1.0)
 
     def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
         return jnp.minimum(q / beta_lower, jnp.maximum(jnp.exp(-rate * duration), 1.0))

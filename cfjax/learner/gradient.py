@@ -14,8 +14,8 @@ from jaxtyping import Float
 from cfjax.falsifier.duel import Particles, Schedule, duel, ridge_coordinates, spawn
 from cfjax.falsifier.falsifier import GROUP_SIZE, GROUPS, SEARCH, falsify, hunt, margin_scale
 from cfjax.funnel import Funnel, Template
-from cfjax.funnel.conditions import Instance, dual_coordinates, instance_of
-from cfjax.problem import Method, Problem, Segment
+from cfjax.funnel.conditions import Instance, Unit, dual_coordinates, instance_of
+from cfjax.problem import Method, Problem, Segment, Tube
 
 
 LEARN = Schedule(steps=1500, learning_rate=(0.06, 6e-4), temperature=(0.1, 7e-4), step=(0.1, 1e-3))
@@ -33,16 +33,17 @@ class Learned:
     funnel: Funnel
     margin: float
     excess: float
-    margins: tuple[float, ...]  # of all candidates, best first: their spread tells how sure the optimum is
+    margins: tuple[float, ...]  # balanced, of all candidates, best first: their spread tells how sure the optimum is
     steps: int
 
 
 def learn(
     problem: Problem,
-    segment: Segment,
+    segment: Segment | Tube,
     template: Template,
     *,
     beta_lower: float = 0.9,
+    beta_inner: float | None = None,
     candidates: int = 4,
     seed: int = 0,
     warm: Funnel | None = None,
@@ -54,7 +55,7 @@ def learn(
     Path following starts from the solution of trajectory tracking too, so that it is never behind it. `warm` is a
     funnel to start from, `counterexamples` are deviations x that the particles of every candidate start from.
     """
-    instance = instance_of(problem, segment, template, beta_lower)
+    instance = instance_of(problem, segment, template, beta_lower, beta_inner, Unit.BALANCED)
     rng = np.random.default_rng(seed)
     first = [funnel for funnel in (warm,) if funnel is not None]
     steps = 0
@@ -66,6 +67,7 @@ def learn(
             segment,
             template,
             beta_lower=beta_lower,
+            beta_inner=beta_inner,
             candidates=candidates,
             seed=seed,
             progress=lambda done, of: report(done, passes),
@@ -76,7 +78,7 @@ def learn(
 
     factor, change = _starts(rng, candidates, instance, template)
     for k, funnel in enumerate(first[:candidates]):
-        factor[k], change[k] = np.linalg.cholesky(np.linalg.inv(funnel.shape)), funnel.rate * segment.duration
+        factor[k], change[k] = np.linalg.cholesky(np.linalg.inv(funnel.shape)), funnel.rate * float(instance.duration)
     ridges = ridge_coordinates(problem.vehicle, instance)
     particles = spawn(rng, candidates, GROUP_SIZE, ridges)
     scale = margin_scale(problem.vehicle, template, instance, factor, change, particles)
@@ -94,7 +96,7 @@ def learn(
             particles = _merge(rng, pools, (outcome.margins, found.margins), ridges)
         report(passes - ROUNDS + k + 1, passes)
 
-    funnels = [funnel for i in range(candidates) if (funnel := _inside(template, instance, factor[i], change[i]))]
+    funnels = [funnel for i in range(candidates) if (funnel := _inside(template, instance, segment, beta_inner, factor[i], change[i]))]
     # the starts compete too: annealing may lose what they had (never so far, but PF ≥ TT must not hang on it)
     funnels += [funnel for funnel in first if _excess_of(instance, funnel) < 0]
     if not funnels:
@@ -118,7 +120,8 @@ def _starts(
     wide = np.maximum(np.minimum(instance.goal / np.sqrt(end), instance.safe) / instance.inlet, 1.05)
     turn, _ = np.linalg.qr(np.eye(size) + 0.3 * rng.normal(size=(count, size, size)))
     axes = turn * (wide ** rng.uniform(0.05, 0.95, (count, size)))[:, None, :]
-    return np.asarray(instance.inlet)[:, None] * np.linalg.cholesky(axes @ axes.transpose(0, 2, 1)), change
+    factor = np.asarray(instance.inlet)[:, None] * np.linalg.cholesky(axes @ axes.transpose(0, 2, 1))
+    return factor * np.asarray(instance.coupling), change
 
 
 def _include(particles: Particles, w: np.ndarray, s: np.ndarray) -> Particles:
@@ -163,10 +166,17 @@ def _excess(instance: Instance, inverse: Float[np.ndarray, "n n"], end: float) -
 
 
 def _excess_of(instance: Instance, funnel: Funnel) -> float:
-    return _excess(instance, np.linalg.inv(funnel.shape), float(funnel.level(funnel.duration)))
+    return _excess(instance, np.linalg.inv(funnel.shape), funnel.end_level)
 
 
-def _inside(template: Template, instance: Instance, factor: Float[np.ndarray, "n n"], change: float) -> Funnel | None:
+def _inside(
+    template: Template,
+    instance: Instance,
+    segment: Segment | Tube,
+    beta_inner: float | None,
+    factor: Float[np.ndarray, "n n"],
+    change: float,
+) -> Funnel | None:
     """The candidate moved strictly inside (a)–(c) at the same rate; None where there is no room.
 
     For a given rate the conditions are linear matrix inequalities in C⁻¹, so the least blend with an ellipsoid that is
@@ -191,7 +201,8 @@ def _inside(template: Template, instance: Instance, factor: Float[np.ndarray, "n
             good = _excess(instance, (1 - middle) * inverse + middle * centre, end) <= -GAP
             bottom, share = (bottom, middle) if good else (middle, share)
     shape = np.linalg.inv((1 - share) * inverse + share * centre)
-    return Funnel(template, 0.5 * (shape + shape.T), change / duration, duration, float(instance.beta_lower))
+    beta_lower = float(instance.beta_lower)
+    return Funnel(template, 0.5 * (shape + shape.T), change / duration, segment.duration, beta_lower, beta_inner)
 
 
 def _quick_margins(
@@ -203,25 +214,31 @@ def _quick_margins(
         some = funnels[k : k + GROUPS]
         padded = some + some[-1:] * (GROUPS - len(some))
         factor = np.stack([np.linalg.cholesky(np.linalg.inv(funnel.shape)) for funnel in padded])
-        change = np.array([funnel.rate * funnel.duration for funnel in padded])
+        change = np.array([funnel.rate * float(instance.duration) for funnel in padded])
         found = hunt(problem.vehicle, template, instance, factor, change, rng, SEARCH)
         margins += list(found.margins.min(axis=1))[: len(some)]
     return margins
 
 
-def _best(problem: Problem, segment: Segment, funnels: list[Funnel], quick: list[float], seed: int) -> Learned:
+def _best(problem: Problem, segment: Segment | Tube, funnels: list[Funnel], quick: list[float], seed: int) -> Learned:
     """The candidate of the largest margin after a thorough search; one that loses by it gives way to the next."""
+
+    def falsified(funnel: Funnel, unit: Unit) -> float:
+        points = falsify(problem, segment, funnel, seed=seed + 1, unit=unit)
+        return next(point.slack for point in points if point.condition == "d")
+
     instance = instance_of(problem, segment, funnels[0].template, funnels[0].beta_lower)
     margins = np.array(quick)
     searched = np.zeros(len(funnels), bool)
     best = int(margins.argmax())
     while not searched[best]:
-        worst = {point.condition: point for point in falsify(problem, segment, funnels[best], seed=seed + 1)}["d"]
-        margins[best], searched[best] = min(margins[best], worst.slack), True
+        margins[best], searched[best] = min(margins[best], falsified(funnels[best], Unit.BALANCED)), True
         best = int(margins.argmax())
+    # balanced margins are margins in 1/s where there is one speed
+    several = isinstance(segment, Tube) and segment.speed.half > 0
     return Learned(
         funnel=funnels[best],
-        margin=float(margins[best]),
+        margin=falsified(funnels[best], Unit.SECOND) if several else float(margins[best]),
         excess=_excess_of(instance, funnels[best]),
         margins=tuple(float(m) for m in sorted(margins, reverse=True)),
         steps=0,

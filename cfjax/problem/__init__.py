@@ -5,9 +5,11 @@ stands here; no other place writes the dynamics, the path or the sets a second t
 """
 
 from cfjax.problem.deviation import affine_deviation, deviation_rate
-from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight
+from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
 from cfjax.problem.sets import Box, Ellipsoid, ball
+from cfjax.problem.symmetry import mirror_signs
+from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
 
 
@@ -23,11 +25,14 @@ __all__ = [
     "Profile",
     "ReferencePoint",
     "Segment",
+    "Tube",
     "Twist",
     "Vehicle",
     "affine_deviation",
     "ball",
     "circle",
     "deviation_rate",
+    "mirror_signs",
     "straight",
+    "tube",
 ]

@@ -15,6 +15,8 @@ from scipy.interpolate import PPoly
 
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint
+from cfjax.problem.tube import Tube
+from cfjax.problem.vehicle import Interval
 
 
 class Pose(NamedTuple):
@@ -87,6 +89,14 @@ class Segment:
         """True when nothing depends on θ: the deviation dynamics are the same all along."""
         return self.turn_rate.is_constant and self.speed.is_constant
 
+    def references(self) -> list[list[ReferencePoint]]:
+        """The extreme references (`cfjax.problem.tube`) of a steady segment: there is but one."""
+        return [[self.point(0.0)]]
+
+    def nominal(self) -> list[ReferencePoint]:
+        """For each group of extreme references the one at which the signs of the inputs' authorities are read."""
+        return [self.point(0.0)]
+
     def point(self, theta: float) -> ReferencePoint:
         """Profile at θ (s): turn rate, speed and their slopes."""
         omega, v = self.turn_rate.polynomial, self.speed.polynomial
@@ -110,14 +120,16 @@ class Segment:
 
 @dataclass(frozen=True)
 class Path:
-    """A named chain of segments."""
+    """A named chain of segments, or a tube alone: every path within its bounds."""
 
     name: str
-    segments: tuple[Segment, ...]
+    segments: tuple[Segment | Tube, ...]
 
     def __post_init__(self) -> None:
         if not self.segments:
             raise InputError(f"path {self.name}: expected at least one segment, got none")
+        if len(self.segments) > 1 and any(isinstance(segment, Tube) for segment in self.segments):
+            raise InputError(f"path {self.name}: expected a tube alone, it has no end to which another could join")
 
 
 def _positive(owner: str, **values: float) -> None:
@@ -144,3 +156,26 @@ def circle(radius: float = 1.5, speed: float = np.pi / 2, laps: float = 1.0) -> 
     duration = laps * 2 * np.pi / omega
     start = Pose(0.0, radius, 0.0)
     return Path("circle", (Segment(Profile.constant(omega, duration), Profile.constant(speed, duration), start),))
+
+
+def tube(
+    curvature: float | Interval = 1.0, speed: float | Interval = 1.0, acceleration: float | Interval = 0.0
+) -> Path:
+    """Every path within bounds: curvature (1/m), speed (m/s) and acceleration dv_r/dθ (m/s²) in intervals.
+
+    A number stands for ± itself in curvature and acceleration, and for one constant speed.
+    """
+
+    def interval(label: str, value: float | Interval, lower: float) -> Interval:
+        if isinstance(value, Interval):
+            return value
+        if not 0 <= value < float("inf"):
+            raise InputError(f"path.{label}: expected a finite number that is not negative, got {value}")
+        return Interval(lower * value, value)
+
+    bounds = Tube(
+        interval("curvature", curvature, -1.0),
+        interval("speed", speed, 1.0),
+        interval("acceleration", acceleration, -1.0),
+    )
+    return Path("tube", (bounds,))

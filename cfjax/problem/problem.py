@@ -1,15 +1,17 @@
 """The path segment following problem (paper, Definition "Path Segment Following Problem"), checked when it is made."""
 
 import enum
+import math
 from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
 
 from cfjax.errors import InputError
-from cfjax.problem.deviation import affine_deviation
+from cfjax.problem.deviation import ReferencePoint, affine_deviation
 from cfjax.problem.path import Path, Segment
 from cfjax.problem.sets import Box, Ellipsoid, ball
+from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Vehicle
 
 
@@ -33,8 +35,8 @@ class Problem:
     """
 
     path: Path
-    inlet: Ellipsoid = field(default_factory=lambda: ball(0.5))  # I, at θ = 0 of each segment
-    goal: Ellipsoid = field(default_factory=lambda: ball(0.5))  # G, at θ = T
+    inlet: Ellipsoid = field(default_factory=lambda: ball(0.5))  # I, at θ = 0 of each segment; of a tube, anywhere
+    goal: Ellipsoid = field(default_factory=lambda: ball(0.5))  # G, at θ = T; of a tube, everywhere
     safe: Box | None = None  # S, at every θ
     vehicle: Vehicle = field(default_factory=KinematicBicycle)
     method: Method = Method.PF
@@ -64,7 +66,16 @@ class Problem:
                         f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
                     )
         for index, segment in enumerate(self.path.segments):
-            self._check_reference(index, segment)
+            if isinstance(segment, Tube):
+                for state, start, end in zip(states, self.inlet.half_axes, self.goal.half_axes, strict=True):
+                    if start >= end:
+                        raise InputError(
+                            f"sets.goal: expected more than sets.inlet, {start}, in {state}, for a tube that holds I "
+                            f"and lies in G does not shrink; got {end}"
+                        )
+                self._check_tube(segment)
+            else:
+                self._check_reference(index, segment)
 
     @property
     def inputs(self) -> tuple[Interval, ...]:
@@ -76,31 +87,59 @@ class Problem:
     def dimension(self) -> int:
         return len(self.vehicle.state_names)
 
-    def feedforward(self, segment: Segment, theta: float) -> np.ndarray:
-        """Inputs (1, u_r) that hold the vehicle on the reference at θ, by least squares.
+    def feedforward(self, point: ReferencePoint) -> np.ndarray:
+        """Inputs (1, u_r) that hold the vehicle on a reference with this profile, by least squares.
 
         Raises:
             InputError: where no inputs do: the reference is no motion of this vehicle.
         """
-        drift, columns = affine_deviation(self.vehicle, jnp.zeros(self.dimension), segment.point(theta))
+        drift, columns = affine_deviation(self.vehicle, jnp.zeros(self.dimension), point)
         rest = np.asarray(drift + columns[:, 0])
         u, *_ = np.linalg.lstsq(np.asarray(columns[:, 1:]), -rest, rcond=None)
         left = np.abs(rest + np.asarray(columns[:, 1:]) @ u).max()
         if left > FOLLOWS * max(1.0, np.abs(rest).max()):
             raise InputError(
-                f"path: the reference at theta = {theta:.4g} s is no motion of the vehicle {self.vehicle.name}: "
-                f"its best inputs leave a rate of {left:.3g}"
+                f"path: a reference of turning rate {point.turn_rate:.4g} rad/s and speed {point.speed:.4g} m/s is no "
+                f"motion of the vehicle {self.vehicle.name}: its best inputs leave a rate of {left:.3g}"
             )
         return np.concatenate([[1.0], u])
 
     def _check_reference(self, index: int, segment: Segment) -> None:
         grid = [0.0] if segment.is_steady else np.linspace(0.0, segment.duration, 201)
         for theta in grid:
-            point, inputs = segment.point(float(theta)), self.feedforward(segment, float(theta))
-            for name, value, limits in zip(self.vehicle.input_names, inputs[1:], self.vehicle.input_box, strict=True):
-                if value not in limits:
-                    turning = f" (radius there: {abs(point.speed / point.turn_rate):.4g} m)" if point.turn_rate else ""
+            point = segment.point(float(theta))
+            if excess := self._excess(point):
+                turning = f" (radius there: {abs(point.speed / point.turn_rate):.4g} m)" if point.turn_rate else ""
+                raise InputError(f"path: segment {index} at theta = {theta:.4g} s needs {excess}{turning}")
+
+    def _check_tube(self, tube: Tube) -> None:
+        """Every path of a tube can be followed if the extreme ones can: feed-forward is monotone in each bound."""
+        for group in tube.references():
+            for point in group:
+                straight = point._replace(turn_rate=0.0)
+                if excess := self._excess(straight):
+                    raise InputError(f"path.acceleration: {point.speed_slope:g} m/s² needs {excess}")
+                if excess := self._excess(point):
+                    largest = self._largest_curvature(point)
                     raise InputError(
-                        f"path: segment {index} at theta = {theta:.4g} s needs {name} = {value:.4g}, but the vehicle's "
-                        f"{name} lies in [{limits.lower:g}, {limits.upper:g}]{turning}"
+                        f"path.curvature: expected at most {largest:.4g} 1/m, which this vehicle's inputs allow, got "
+                        f"{point.turn_rate / point.speed:g}: it needs {excess}"
                     )
+
+    def _excess(self, point: ReferencePoint) -> str:
+        """The input that leaves its limits where the vehicle follows this reference without deviation; or nothing."""
+        inputs = self.feedforward(point)[1:]
+        for name, value, limits in zip(self.vehicle.input_names, inputs, self.vehicle.input_box, strict=True):
+            if value not in limits:
+                return f"{name} = {value:.4g}, but the vehicle's {name} lies in [{limits.lower:g}, {limits.upper:g}]"
+        return ""
+
+    def _largest_curvature(self, point: ReferencePoint) -> float:
+        """Between zero and the point's, by bisection, in absolute value: rounded down to four digits."""
+        low, high = 0.0, point.turn_rate
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self._excess(point._replace(turn_rate=middle)) else (middle, high)
+        largest = abs(low / point.speed)
+        digits = 3 - math.floor(math.log10(largest)) if largest else 0
+        return math.floor(largest * 10**digits) / 10**digits

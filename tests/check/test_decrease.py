@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.certificate.certifier import round_funnel, steady_decrease
+from cfjax.certificate.certifier import round_funnel, steady_decreases
 from cfjax.certificate.trace import trace_deviation
 from cfjax.check.decrease import SteadyDecrease, end_level, monomials, quadratic_form, steady_pieces
 from cfjax.funnel import Funnel, template_named
@@ -22,16 +22,17 @@ def question(template: str, method: str, rate: float = 0.09) -> tuple[SteadyDecr
     problem = Problem(circle(), safe=Box((1.0, 1.0, 1.0, 3.0)), method=Method(method))
     segment = problem.path.segments[0]
     rounded = round_funnel(Funnel(template_named(template), SHAPE, rate, segment.duration), segment)
-    return steady_decrease(problem, segment, rounded, trace_deviation(problem.vehicle)), problem, rounded.funnel
+    return steady_decreases(problem, segment, rounded, trace_deviation(problem.vehicle))[0], problem, rounded.funnel
 
 
 @pytest.mark.parametrize("template", ["paper", "contracting"])
-@pytest.mark.parametrize("rate", [0.12, 0.02, 0.0, -0.05])
-def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: float) -> None:
-    """At every θ and q of the shell some piece holds q, and its drop is at least 1/σ(θ), its timing is ∂V/∂θ / σ."""
-    duration, inner = 6.0, 0.9
-    funnel = Funnel(template_named(template), SHAPE, rate, duration, inner)
-    pieces = steady_pieces(template, fmpq(round(rate * 100), 100), fmpq(6), fmpq(9, 10))
+@pytest.mark.parametrize(("rate", "inner"), [(0.12, 0.9), (0.02, 0.9), (0.0, 0.9), (-0.05, 0.9), (0.02, 0.3), (0.0, 0.1)])
+def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: float, inner: float) -> None:
+    """At every θ and q some piece holds q, its drop is at least min(1, V/β̲)/σ(θ), its timing is ∂V/∂θ / σ."""
+    duration, lower = 6.0, 0.9
+    funnel = Funnel(template_named(template), SHAPE, rate, duration, lower, inner)
+    levels = fmpq(9, 10), fmpq(round(inner * 100), 100)
+    pieces = steady_pieces(template, fmpq(round(rate * 100), 100), fmpq(6), *levels)
     for theta in np.linspace(0, duration, 61):
         level, sigma = float(funnel.level(theta)), float(funnel.template.scale(rate, theta))
         lowest = inner + level - 1 if template == "paper" else inner * level
@@ -41,7 +42,7 @@ def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: flo
             within = [p for p in pieces if float(p.lower) - 1e-9 <= q <= float(p.upper) + 1e-9]
             assert within
             for piece in within:
-                assert float(piece.drop[0] + piece.drop[1] * fmpq(round(q * 10**9), 10**9)) >= 1 / sigma - 1e-8
+                assert float(piece.drop[0] + piece.drop[1] * fmpq(round(q * 10**9), 10**9)) >= min(1, value / lower) / sigma - 1e-8
                 timing = float(piece.timing[0]) + float(piece.timing[1]) * q
                 assert timing == pytest.approx(float(funnel.template.timing(rate, q)), abs=1e-9)
                 assert 0 < float(piece.least_drop) <= float(piece.drop[0]) + float(piece.drop[1]) * q + 1e-9
@@ -50,7 +51,7 @@ def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: flo
 def test_a_shell_that_reaches_the_reference_is_refused() -> None:
     for rate in (fmpq(15, 100), fmpq(1)):
         with pytest.raises(ValueError, match="reaches the reference"):
-            steady_pieces("paper", rate, fmpq(6), fmpq(9, 10))
+            steady_pieces("paper", rate, fmpq(6), fmpq(9, 10), fmpq(9, 10))
     low, high = end_level("contracting", fmpq(1, 2), fmpq(6))
     assert float(low) == pytest.approx(math.exp(-3))
     assert low < high

@@ -135,7 +135,9 @@ def claim(document: dict[str, Any], change: str) -> dict[str, Any]:
         case "shape":
             funnel["shape"][0] = str(Fraction(funnel["shape"][0]) * Fraction(99, 100))
         case "beta_lower":
-            funnel["beta_lower"] = "1/2"
+            funnel["beta_lower"] = funnel["beta_inner"] = "1/2"
+        case "beta_inner":
+            funnel["beta_inner"] = "1/2"
         case "whitening":
             proof["whitening"] = [["1" if i == j else "0" for j in range(4)] for i in range(4)]
     return document
@@ -143,7 +145,7 @@ def claim(document: dict[str, Any], change: str) -> dict[str, Any]:
 
 SPOILED = [
     *("margin", "inlet", "goal", "safe", "pattern", "gram", "remainder", "enclosure", "range", "steering", "timing"),
-    *("standstill", "wheelbase", "graph", "speed", "rate", "shape", "beta_lower", "whitening", "cells swapped"),
+    *("standstill", "wheelbase", "graph", "speed", "rate", "shape", "beta_lower", "beta_inner", "whitening", "cells swapped"),
 ]
 
 
@@ -168,7 +170,8 @@ def test_a_proven_sentence_says_no_more_than_is_proven(certificate: dict[str, An
     sets["inlet"]["half_axes"] = [str(half - nearly)] * 4  # nearest would be 0.5
     sets["goal"]["half_axes"] = [str(half + nearly)] * 4
     sets["safe"]["half_widths"][3] = str(three + nearly)
-    certificate["funnels"][0]["beta_lower"] = str(Fraction(9, 10) + nearly)
+    for level in ("beta_lower", "beta_inner"):
+        certificate["funnels"][0][level] = str(Fraction(9, 10) + nearly)
     certificate["funnels"][0]["margin"] = str(Fraction(1, 10) - nearly)
     told = sentence(certificate)
     for part in (
@@ -185,7 +188,7 @@ def refutation(document: dict[str, Any], shape: list[str], x: list[str]) -> dict
     """Claims condition (c) to fail at x, for another C."""
     del document["proofs"]
     document["funnels"][0]["shape"] = shape
-    return document | {"claim": "refutation", "witness": {"condition": "c", "theta": "0", "x": x}}
+    return document | {"claim": "refutation", "witness": {"condition": "c", "theta": "0", "reference": 0, "x": x}}
 
 
 def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> None:
@@ -198,7 +201,7 @@ def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> N
     certificate["claim"] = "refutation"
     certificate["problem"]["sets"]["safe"] = None
     certificate["problem"]["sets"]["inlet"]["half_axes"] = ["1/3"] * 4
-    certificate["witness"] = {"condition": "c", "theta": "0", "x": ["4", "0", "0", "1/300"]}
+    certificate["witness"] = {"condition": "c", "theta": "0", "reference": 0, "x": ["4", "0", "0", "1/300"]}
     told = sentence(certificate)
     assert "heading is pi or more" in told
     assert "safe set S" not in told
@@ -226,7 +229,7 @@ def test_names_cannot_speak_for_the_checker(certificate: dict[str, Any]) -> None
 def test_huge_numbers_do_not_hide_which_claim_is_broken(certificate: dict[str, Any]) -> None:
     for spoil, part in (
         (lambda d: d["funnels"][0].update(margin=str(10**399)), "condition (d), piece 0, signs (++): margin 1e+399"),
-        (lambda d: d["proofs"][0]["cells"][0].update(margin=f"-{10**390}"), "e+390 proven"),
+        (lambda d: d["proofs"][0]["cells"][0].update(margin=f"-{10**390}"), "e+390 1/s proven"),
         (lambda d: d["problem"]["vehicle"]["parameters"].update(wheelbase=str(10**399)), "vehicle: the dynamics"),
     ):
         document = json.loads(json.dumps(certificate))

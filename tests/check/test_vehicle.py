@@ -7,6 +7,7 @@ from cfjax.certificate.trace import trace_deviation
 from cfjax.check.graph import Graph, Node
 from cfjax.check.reader import Broken
 from cfjax.check.refutation import require_affine
+from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import check_known_vehicle
 from cfjax.problem import KinematicBicycle
 
@@ -18,10 +19,10 @@ INPUTS = {"u0": (fmpq(1, 2), fmpq(2)), "w": (fmpq(-1), fmpq(1)), "thrust": (fmpq
 
 def test_the_traced_bicycle_is_the_bicycle() -> None:
     graph = trace_deviation(KinematicBicycle())
-    assert check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, INPUTS, graph)
-    assert not check_known_vehicle("my_car", PARAMETERS, STATES, INPUTS, graph)
+    assert check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, INPUTS, symbolic(graph, STATES, tuple(INPUTS)))
+    assert not check_known_vehicle("my_car", PARAMETERS, STATES, INPUTS, symbolic(graph, STATES, tuple(INPUTS)))
     narrow = INPUTS | {"thrust": (fmpq(-1), fmpq(2))}
-    assert check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, narrow, graph)
+    assert check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, narrow, symbolic(graph, STATES, tuple(narrow)))
 
 
 def test_another_car_does_not_pass_under_its_name() -> None:
@@ -32,7 +33,7 @@ def test_another_car_does_not_pass_under_its_name() -> None:
     tan = Graph(tuple(Node("tan", n.args) if n.op == "sin" else n for n in graph.nodes), graph.outputs)
     for wrong in (other, flipped, swapped, tan):
         with pytest.raises(Broken, match="dynamics"):
-            check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, INPUTS, wrong)
+            check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, INPUTS, symbolic(wrong, STATES, tuple(INPUTS)))
     for parameters, inputs in (
         (PARAMETERS | {"wheelbase": fmpq(0)}, INPUTS),
         ({"wheelbase": fmpq(17, 50)}, INPUTS),
@@ -40,7 +41,7 @@ def test_another_car_does_not_pass_under_its_name() -> None:
         (PARAMETERS, {"u0": INPUTS["u0"], "thrust": INPUTS["thrust"], "w": INPUTS["w"]}),
     ):
         with pytest.raises(Broken, match="vehicle"):
-            check_known_vehicle("kinematic_bicycle", parameters, STATES, inputs, graph)
+            check_known_vehicle("kinematic_bicycle", parameters, STATES, inputs, symbolic(graph, STATES, tuple(inputs)))
 
 
 def test_affinity_is_read_off_the_graph() -> None:

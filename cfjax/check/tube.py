@@ -1,0 +1,157 @@
+"""Tubes: why a few extreme references speak for every path within bounds. Decided on the vehicle's graph.
+
+Along a path of curvature κ, speed v and acceleration a = dv/dθ the turning rate is κ v, and the rate of the deviation
+x at the inputs u = (u0, …) is asked to have the form
+
+    f(x, u; κ, v, a) = f₀(x, u; v, a) + κ v u0 g(x)                                                       (*)
+
+with f₀ affine in v for fixed a and in a for fixed v (products v a may occur), no dependence on the slope of the turning
+rate, u0 > 0 and v > 0. Then, for any V and any deviation x, with G = ∇V · g(x):
+
+- at fixed u and κ, V̇ over the rectangle of (v, a) is largest at one of its corners, and if V̇ ≤ −m_v there at the two
+  ends of v, then V̇ ≤ −(m interpolated between them) inside;
+- at fixed u, V̇ grows with κ G: an input that is good for the end of κ at which κ G is largest is as good or better for
+  every κ of the interval, at once. The sign of G depends on x alone, so the law need not even know κ.
+
+So it is enough that for each end of κ and each x there is one input u(x) with V̇ ≤ −m at all four corners of (v, a).
+
+If moreover the dynamics have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal matrices M and N
+of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of κ is enough.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from flint import fmpq, fmpq_mpoly
+
+from cfjax.check.decrease import Extreme, Matrix
+from cfjax.check.rational import about
+from cfjax.check.reader import Broken
+from cfjax.check.symbolic import Symbolic
+
+
+Range = tuple[fmpq, fmpq]
+TURN_RATE, SPEED = "reference:turn_rate", "reference:speed"
+TURN_RATE_SLOPE, SPEED_SLOPE = "reference:turn_rate_slope", "reference:speed_slope"
+PARITY = {"sin": -1, "cos": 1, "tan": -1, "inv": -1}
+
+
+@dataclass(frozen=True)
+class TubeClaim:
+    """Every path within bounds: curvature (1/m), speed (m/s), acceleration dv_r/dθ (m/s²)."""
+
+    curvature: Range
+    speed: Range
+    acceleration: Range
+
+    @property
+    def duration(self) -> fmpq:
+        """A tube has no end and its V no rate: θ is nowhere in the proof."""
+        return fmpq(0)
+
+    def extremes(self, mirrored: bool = False) -> list[Extreme]:
+        """References that speak for all: by curvature, then speed, then acceleration, lower ends first.
+
+        The members of one end of the curvature have one nominal reference, and so one sign pattern and vertex.
+        """
+        zero = fmpq(0)
+
+        def profile(kappa: fmpq, v: fmpq, a: fmpq) -> dict[str, fmpq]:
+            return {"turn_rate": kappa * v, "speed": v, "turn_rate_slope": zero, "speed_slope": a}
+
+        curvatures = [self.curvature[1]] if mirrored else _ends(self.curvature)
+        return [
+            Extreme(profile(kappa, self.speed[0], zero), profile(kappa, v, a))
+            for kappa, v, a in product(curvatures, _ends(self.speed), _ends(self.acceleration))
+        ]
+
+
+def place_of(extremes: Sequence[Extreme], index: int) -> str:
+    """Which reference is spoken of, in words; nothing where there is but one."""
+    if len(extremes) == 1:
+        return ""
+    profile = extremes[index].profile
+    curvature = profile["turn_rate"] / profile["speed"]
+    return (
+        f"curvature {about(curvature)} 1/m, speed {about(profile['speed'])} m/s, "
+        f"acceleration {about(profile['speed_slope'])} m/s^2, "
+    )
+
+
+def _ends(interval: Range) -> list[fmpq]:
+    return sorted(set(interval))
+
+
+def require_tube_structure(dynamics: Symbolic) -> None:
+    """Raises Broken unless the dynamics have the form (*), with g a function of the state alone."""
+    states = {name for name in dynamics.names if ":" not in name}
+    state_indices = {index for index, name in enumerate(dynamics.names) if name in states}
+    for index, (function, argument) in dynamics.functions.items():
+        if any(set(support) - state_indices for support, _ in _terms(argument)):
+            raise Broken(f"vehicle: a tube needs dynamics whose {function} is of the states alone")
+        state_indices.add(index)
+    where = {name: index for index, name in enumerate(dynamics.names)}
+    turning = {where[TURN_RATE]: 1, where["input:u0"]: 1}
+    for rate in dynamics.rates:
+        for support, _ in _terms(rate):
+            if where[TURN_RATE_SLOPE] in support:
+                raise Broken("vehicle: its reference jumps where the curvature of the path does: no tube can hold it")
+            if support.get(where[SPEED], 0) > 1 or support.get(where[SPEED_SLOPE], 0) > 1:
+                raise Broken("vehicle: a tube needs dynamics that are affine in the reference's speed and acceleration")
+            outside = {index: power for index, power in support.items() if index not in state_indices}
+            if where[TURN_RATE] in outside and outside != turning:
+                raise Broken("vehicle: a tube needs dynamics in which the turning rate enters as turn_rate u0 g(x)")
+
+
+def is_mirrored(
+    dynamics: Symbolic, states: Sequence[str], inputs: Mapping[str, Range], shape: Matrix, tube: TubeClaim
+) -> bool:
+    """Whether one end of the curvature speaks for both: dynamics, curvature, V and inputs are mirror symmetric."""
+    if tube.curvature[0] != -tube.curvature[1]:
+        return False
+    each = range(len(states))
+    for signs in _mirrors(dynamics, len(states), len(inputs)):
+        same_value = all(signs[i] == signs[j] or shape[i][j] == 0 for i in each for j in each)
+        flipped = (limits for limits, sign in zip(inputs.values(), signs[len(states) :], strict=False) if sign < 0)
+        if same_value and all(lower == -upper for lower, upper in flipped):
+            return True
+    return False
+
+
+def _mirrors(dynamics: Symbolic, states: int, inputs: int) -> Iterator[tuple[int, ...]]:
+    """Signs of states and inputs with f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a); u0 keeps its sign."""
+    dynamics.domain.budget.spend(sum(map(len, dynamics.rates)) * 2 ** (states + inputs))
+    for flips in product((1, -1), repeat=states + inputs - 1):
+        chosen = (*flips[:states], 1, *flips[states:])
+        signs = {**dict(enumerate(chosen)), **{dynamics.names.index(name): 1 for name in (SPEED, SPEED_SLOPE)}}
+        signs |= {dynamics.names.index(name): -1 for name in (TURN_RATE, TURN_RATE_SLOPE)}
+        if all(_take_parity(signs, index, function) for index, function in dynamics.functions.items()) and all(
+            _parity(rate, signs) in (chosen[state], 0) for state, rate in enumerate(dynamics.rates)
+        ):
+            yield chosen
+
+
+def _take_parity(signs: dict[int, int], index: int, function: tuple[str, fmpq_mpoly]) -> bool:
+    """Note the sign of a function's symbol; False where its argument is neither even nor odd."""
+    name, argument = function
+    parity = _parity(argument, signs)
+    signs[index] = PARITY[name] if parity == -1 else 1
+    return parity is not None
+
+
+def _parity(polynomial: fmpq_mpoly, signs: Mapping[int, int]) -> int | None:
+    """1 or −1 where the polynomial keeps or changes its sign with those of the variables; 0 for zero; None: neither."""
+    found = set()
+    for support, _ in _terms(polynomial):
+        sign = 1
+        for index, power in support.items():
+            sign *= signs[index] ** (power % 2)
+        found.add(sign)
+    return found.pop() if len(found) == 1 else (None if found else 0)
+
+
+def _terms(polynomial: fmpq_mpoly) -> Iterator[tuple[dict[int, int], fmpq]]:
+    """(powers by generator, coefficient) of each monomial."""
+    for exponents, coefficient in polynomial.to_dict().items():
+        yield {index: int(power) for index, power in enumerate(exponents) if power}, coefficient

@@ -1,0 +1,47 @@
+"""Mirror symmetry of a vehicle: turning left is like turning right.
+
+Looked for in samples, for a learner to make use of; a proof looks for itself (`cfjax.check.tube`).
+"""
+
+import itertools
+from functools import lru_cache, partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from cfjax.problem.deviation import ReferencePoint, deviation_rate
+from cfjax.problem.vehicle import Vehicle
+
+
+PROBES, TOLERANCE = 16, 1e-9
+
+
+@lru_cache
+def mirror_signs(vehicle: Vehicle) -> tuple[int, ...] | None:
+    """Signs M of the states with f(Mx, Nu; −ω_r) = M f(x, u; ω_r) for some signs N of inputs with a symmetric range.
+
+    f is the rate of the deviation, ω_r the turning rate of the reference; u0 keeps its sign. None where there are none.
+    """
+    rng = np.random.default_rng(0)
+    size, count = len(vehicle.state_names), 1 + len(vehicle.input_names)
+    x, u, reference = (rng.normal(size=(PROBES, k)) for k in (size, count, 4))
+    turned = reference * np.array([-1.0, 1.0, -1.0, 1.0])[None, :]  # turn rate, speed and their slopes
+    rates = np.asarray(_rates(vehicle, x, u, reference))
+    may_flip = [(1,), *((1, -1) if box.lower == -box.upper else (1,) for box in vehicle.input_box)]
+    for signs in itertools.product((1, -1), repeat=size):
+        for inputs in itertools.product(*may_flip):
+            flipped = x * np.array(signs)[None, :], u * np.array(inputs)[None, :]
+            other = np.asarray(_rates(vehicle, *flipped, turned))
+            if np.allclose(other, rates * np.array(signs)[None, :], rtol=TOLERANCE, atol=TOLERANCE):
+                return signs
+    return None
+
+
+@partial(jax.jit, static_argnames="vehicle")
+def _rates(
+    vehicle: Vehicle, x: Float[np.ndarray, "k n"], u: Float[np.ndarray, "k m"], reference: Float[np.ndarray, "k 4"]
+) -> Float[Array, "k n"]:
+    rates = deviation_rate(vehicle, tuple(x.T), tuple(u.T), ReferencePoint(*reference.T))
+    return jnp.stack([jnp.broadcast_to(rate, (PROBES,)) for rate in rates], axis=-1)

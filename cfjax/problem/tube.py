@@ -1,0 +1,65 @@
+"""Tubes: a reference that is a set of paths.
+
+In the body frame a path enters the dynamics only through its curvature κ = ω_r/v_r, its speed v_r and v_r' = dv_r/dθ. A
+tube leaves them free in intervals: what holds for it holds for every path, of any length, whose pose and heading are
+continuous and whose curvature (which may jump), speed and acceleration stay inside.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+from cfjax.errors import InputError
+from cfjax.problem.deviation import ReferencePoint
+from cfjax.problem.vehicle import Interval
+
+
+@dataclass(frozen=True)
+class Tube:
+    """All stretches of path within bounds: curvature in 1/m, speed in m/s, acceleration dv_r/dθ in m/s².
+
+    Raises:
+        InputError: where a path could stand still or run backwards.
+    """
+
+    curvature: Interval
+    speed: Interval
+    acceleration: Interval = Interval(0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.speed.lower <= 0:
+            raise InputError(
+                f"path.speed: expected an interval above zero, got [{self.speed.lower:g}, {self.speed.upper:g}]"
+            )
+
+    @property
+    def duration(self) -> float:
+        """A tube has no end."""
+        return math.inf
+
+    @property
+    def is_steady(self) -> bool:
+        """Nothing depends on θ: every θ sees the same set."""
+        return True
+
+    def references(self) -> list[list[ReferencePoint]]:
+        """The extreme references: one group for each end of the curvature, in it all ends of speed and acceleration.
+
+        One of them is the worst of the tube: at a fixed input V̇ is affine in speed and in acceleration, and curvature
+        enters as κ u0 v_r g(x), so that the input that is good for the worse end serves all between
+        (`cfjax.check.tube` proves this on the vehicle's graph).
+        """
+        speeds, accelerations = _ends(self.speed), _ends(self.acceleration)
+        return [
+            [ReferencePoint(kappa * v, v, 0.0, a) for v, a in itertools.product(speeds, accelerations)]
+            for kappa in _ends(self.curvature)
+        ]
+
+    def nominal(self) -> list[ReferencePoint]:
+        """For each end of the curvature the reference at which the signs of the inputs' authorities are read."""
+        return [ReferencePoint(kappa * self.speed.lower, self.speed.lower) for kappa in _ends(self.curvature)]
+
+
+def _ends(interval: Interval) -> list[float]:
+    return sorted({interval.lower, interval.upper})
+
