@@ -14,7 +14,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from cfjax.certificate import certify, refute
     from cfjax.errors import InputError
-    from cfjax.funnel import Contracting, Funnel, Paper
+    from cfjax.funnel import Contracting, Funnel, Objective, Paper
     from cfjax.options import Options
     from cfjax.problem import (
         Box,
@@ -28,9 +28,10 @@ if TYPE_CHECKING:
         ball,
         circle,
         straight,
+        tube,
     )
     from cfjax.result import Result
-    from cfjax.synthesis import synthesize
+    from cfjax.synthesis import drive, search, synthesize
     from cfjax.verdict import Verdict
 
 _WHERE = {
@@ -38,9 +39,9 @@ _WHERE = {
     "Verdict": "verdict",
     "Result": "result",
     "Options": "options",
-    "synthesize": "synthesis",
+    **dict.fromkeys(("drive", "search", "synthesize"), "synthesis"),
     **dict.fromkeys(("certify", "refute"), "certificate"),
-    **dict.fromkeys(("Contracting", "Funnel", "Paper"), "funnel"),
+    **dict.fromkeys(("Contracting", "Funnel", "Objective", "Paper"), "funnel"),
     **dict.fromkeys(
         (
             "Box",
@@ -54,6 +55,7 @@ _WHERE = {
             "ball",
             "circle",
             "straight",
+            "tube",
         ),
         "problem",
     ),
@@ -68,6 +70,7 @@ __all__ = [
     "Interval",
     "KinematicBicycle",
     "Method",
+    "Objective",
     "Options",
     "Paper",
     "Path",
@@ -78,9 +81,12 @@ __all__ = [
     "ball",
     "certify",
     "circle",
+    "drive",
     "refute",
+    "search",
     "straight",
     "synthesize",
+    "tube",
 ]
 
 

@@ -18,6 +18,7 @@ class SegmentResult:
     funnel: Funnel
     margin_falsified: float  # smallest margin that the falsifier found: the true one is not larger
     margin_certified: float | None = None  # proven: the true one is not smaller
+    margin_per_metre: float | None = None  # proven for a tube: V' <= -margin_per_metre v_r, 1/m
     margin_sos: float | None = None  # optimum of the numerical sums-of-squares program
 
 
@@ -28,19 +29,23 @@ class ClosedLoop:
     cars: int
     left_funnel: int  # V > 1 at some time
     left_safe: int  # outside S at some time
-    missed_goal: int  # not inside G when θ reached T
+    missed_goal: int  # not inside G when θ reached T; in a tube: outside G at some time
     largest_value: float  # max of V over all cars and times
-    arrival: tuple[float, float]  # earliest and latest arrival, s
+    arrival: tuple[float, float] | None  # earliest and latest arrival, s; None in a tube, which has no end
 
 
 @dataclass(frozen=True)
 class Rollouts:
-    """Recorded cars: clock and θ (s), deviations, and V; axes (time, car[, state]). Arrived cars stay at θ = T."""
+    """Recorded cars: clock and θ (s), deviations, and V; axes (time, car[, state]). Arrived cars stay at θ = T.
+
+    In a tube every car has a path of its own, and `reference` is the pose on it: heading in rad, position in m.
+    """
 
     clock: Float[np.ndarray, "t k"]
     theta: Float[np.ndarray, "t k"]
     x: Float[np.ndarray, "t k n"]
     value: Float[np.ndarray, "t k"]
+    reference: Float[np.ndarray, "t k 3"] | None = None
 
 
 @dataclass(frozen=True)

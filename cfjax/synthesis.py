@@ -14,9 +14,9 @@ from jaxtyping import Float
 from cfjax.certificate import certify
 from cfjax.falsifier import falsify
 from cfjax.funnel import Funnel, template_named
-from cfjax.learner import Learned, learn
+from cfjax.learner import Learned, learn_for
 from cfjax.options import Options, Progress
-from cfjax.problem import Problem, Segment
+from cfjax.problem import Problem, Segment, Tube
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation import drive_cars
 from cfjax.verdict import Verdict
@@ -66,8 +66,14 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     started = time.perf_counter()
     progress("simulate", 0, 1)
     try:
-        margin = found.margin_certified or 0.0
-        loop, cars = drive_cars(result.problem, segment, found.funnel, margin, cars=options.cars, seed=options.seed)
+        margin, how_many = found.margin_certified or 0.0, {"cars": options.cars, "seed": options.seed}
+        if isinstance(segment, Tube):
+            from cfjax.simulation import drive_tube_cars
+
+            per_metre = found.margin_per_metre or 0.0
+            loop, cars = drive_tube_cars(result.problem, found.funnel, margin, per_metre, **how_many)
+        else:
+            loop, cars = drive_cars(result.problem, segment, found.funnel, margin, **how_many)
         result = result.replace(closed_loop=loop, rollouts=(cars,))
         progress("simulate", 1, 1)
     except Exception as error:
@@ -103,10 +109,12 @@ class _Search:
     def run(self) -> Result:
         segment = self.problem.path.segments[0]
         best: Result | None = None
+        asked = self.problem
+        target = self.options.objective.margin
         warm: Funnel | None = None
         suspects: Float[np.ndarray, "k n"] | None = None
         for round_ in range(self.options.rounds):
-            learned = self._learn(segment, round_, warm, suspects)
+            self.problem, learned = self._learn(asked, target, segment, round_, warm, suspects)
             if learned is None:
                 result = self._result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)")
             elif learned.margin <= 0:
@@ -116,7 +124,7 @@ class _Search:
                 result, suspects = self._certify(segment, learned)
                 warm = learned.funnel
             before = 0.0 if best is None else best.margin_certified or 0.0
-            best = result if best is None else max(best, result, key=_rank)
+            best = result if best is None else max(best, result, key=self._rank)
             certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
             self.history.append(
                 {
@@ -125,7 +133,12 @@ class _Search:
                     "counterexamples": 0 if suspects is None else len(suspects),
                 }
             )
-            if certified and certified >= GOOD_SHARE * falsified:
+            if target is not None:
+                if certified >= (self.options.objective.margin or 0.0):
+                    break
+                if certified:  # the proof fell short of what the learner aimed at: aim as much higher
+                    target *= 1.001 * (self.options.objective.margin or 0.0) / certified
+            elif certified and certified >= GOOD_SHARE * falsified:
                 break
             if certified < LEAST_GAIN * before:  # as long as nothing is proven, every round is worth its time
                 break
@@ -133,14 +146,24 @@ class _Search:
         return best.replace(iterations=len(self.history), history=tuple(self.history))
 
     def _learn(
-        self, segment: Segment, round_: int, warm: Funnel | None, suspects: Float[np.ndarray, "k n"] | None
-    ) -> Learned | None:
+        self,
+        asked: Problem,
+        target: float | None,
+        segment: Segment | Tube,
+        round_: int,
+        warm: Funnel | None,
+        suspects: Float[np.ndarray, "k n"] | None,
+    ) -> tuple[Problem, Learned | None]:
+        """The best funnel for the objective, and the problem that it solves."""
         with self.timed("learn"):
-            return learn(
-                self.problem,
+            return learn_for(
+                self.options.objective,
+                target,
+                asked,
                 segment,
                 self.template,
                 beta_lower=self.options.beta_lower,
+                beta_inner=self.options.beta_inner,
                 candidates=self.options.restarts,
                 seed=self.options.seed + 1000 * round_,
                 warm=warm,
@@ -148,7 +171,7 @@ class _Search:
                 progress=lambda done, of: self.progress("learn", done, of),
             )
 
-    def _certify(self, segment: Segment, learned: Learned) -> tuple[Result, Float[np.ndarray, "k n"]]:
+    def _certify(self, segment: Segment | Tube, learned: Learned) -> tuple[Result, Float[np.ndarray, "k n"]]:
         """Certify, and falsify what was certified: rounding has moved it a little."""
         with self.timed("certify"):
             found = certify(self.problem, [learned.funnel], progress=self.progress, workers=_cores())
@@ -159,7 +182,14 @@ class _Search:
         result = self._result(found.verdict, found.message, funnel, margin)
         if found.verdict is Verdict.CERTIFIED and found.margins:
             sos = found.numerical_margins[0]
-            segments = (replace(result.segments[0], margin_certified=found.margins[0], margin_sos=sos),)
+            segments = (
+                replace(
+                    result.segments[0],
+                    margin_certified=found.margins[0],
+                    margin_per_metre=found.margins_per_metre[0],
+                    margin_sos=sos,
+                ),
+            )
             result = result.replace(segments=segments, document=found.document)
         suspects = np.array([worst["d"].x, *found.suspects])
         return result, suspects
@@ -170,11 +200,14 @@ class _Search:
         segments = (SegmentResult(funnel, margin),) if funnel is not None else ()
         return Result(verdict, message, self.problem, segments)
 
+    def _rank(self, result: Result) -> tuple[float, ...]:
+        """Larger is better; among unproven ones the falsified margin counts."""
+        if not result.segments:
+            return (-1.0,)
+        certified, found = result.margin_certified or 0.0, result.segments[0]
+        ranked = self.options.objective.rank(result.problem, found.funnel, certified)
+        return (*ranked, found.margin_falsified)
+
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _rank(result: Result) -> tuple[float, float]:
-    falsified = result.margin_falsified
-    return result.margin_certified or 0.0, float("-inf") if falsified is None else falsified

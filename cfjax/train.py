@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
     from cfjax.conf import Config
+    from cfjax.funnel import Objective
     from cfjax.options import Options
     from cfjax.problem import Problem
     from cfjax.result import Result
@@ -171,12 +172,12 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
         )
     if config.logger == "wandb":
         track(result, config, folder)
-    print(summary(result))
+    print(summary(result, options.objective))
     print(f"run: {folder}", flush=True)
     return result
 
 
-def summary(result: "Result") -> str:
+def summary(result: "Result", objective: "Objective") -> str:
     """A few lines for people."""
     problem, loop = result.problem, result.closed_loop
     lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}"]
@@ -184,14 +185,29 @@ def summary(result: "Result") -> str:
         lines.append(result.message)
     if result.margin_falsified is not None:
         proven = "nothing proven" if (margin := result.margin_certified) is None else f"{margin:.4g} 1/s proven"
-        lines.append(f"margin: {proven}; the falsifier found no less than {result.margin_falsified:.4g} 1/s")
+        per_metre = [found.margin_per_metre for found in result.segments if found.margin_per_metre is not None]
+        way = f" ({min(per_metre):.4g} per metre of the path)" if per_metre else ""
+        lines.append(f"margin: {proven}{way}; the falsifier found no less than {result.margin_falsified:.4g} 1/s")
+        wanted = objective.margin
+        if wanted is not None and (result.margin_certified or 0.0) < wanted:
+            lines.append(f"objective.margin: {wanted:g} 1/s was not reached; this is the largest margin that was found")
+        elif wanted is not None:
+            lines.append(_sizes(result))
     if loop is not None:
         lines.append(
             f"{loop.cars} cars: {loop.left_funnel} left the funnel, {loop.left_safe} left S, {loop.missed_goal} missed "
-            f"G; largest V {loop.largest_value:.4g}, arrival after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s"
+            f"G; largest V {loop.largest_value:.4g}"
+            + (f", arrival after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s" if loop.arrival else "")
         )
     lines.append("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items()))
     return "\n".join(lines)
+
+
+def _sizes(result: "Result") -> str:
+    """Half-widths of I and of the funnel's start."""
+    states, found = result.problem.vehicle.state_names, result.segments[0]
+    widths = ", ".join(f"{name} {width:.3g}" for name, width in zip(states, found.funnel.half_widths(), strict=True))
+    return f"inlet {result.problem.inlet.half_axes[0]:.4g} in {states[0]}; funnel's half-widths {widths}"
 
 
 def _question(node: "DictConfig") -> "tuple[Config, Problem, Options]":

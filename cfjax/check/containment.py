@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from flint import fmpq, fmpq_mat
 
 from cfjax.check.decrease import Matrix, end_level
-from cfjax.check.rational import is_positive_definite, pi_lower
+from cfjax.check.rational import is_positive_definite, pi_lower, sqrt_upper
 
 
 HEADING = "alpha"
@@ -53,6 +53,12 @@ def broken_containments(
         if state == HEADING and not reach_squared < pi_lower() ** 2:
             broken.append("condition (c): the funnel reaches the heading where it wraps")
     return broken
+
+
+def half_widths(shape: Matrix) -> list[fmpq]:
+    """Rationals that are at least the largest |x_i| with xᵀ C x ≤ 1, in the units of the states."""
+    inverse = fmpq_mat([list(row) for row in shape]).inv()
+    return [sqrt_upper(inverse[i, i]) for i in range(len(shape))]
 
 
 def _diagonal(half_axes: Sequence[fmpq]) -> list[list[fmpq]]:

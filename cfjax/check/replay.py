@@ -14,7 +14,7 @@ from pathlib import Path
 
 from flint import fmpq
 
-from cfjax.check.containment import broken_containments
+from cfjax.check.containment import broken_containments, half_widths
 from cfjax.check.decrease import CellProof, Extreme, SteadyDecrease, contraction_way, steady_pieces
 from cfjax.check.document import (
     TEMPLATES,
@@ -88,7 +88,8 @@ def _proven(certificate: Certificate) -> Report:
     margins = tuple(funnel.margin for funnel in certificate.funnels)
     first = problem.segments[0]
     if isinstance(first, TubeClaim):
-        return Report(Outcome.PROVEN, _tube_message(certificate, first, vehicle), margins)
+        message = _tube_message(certificate, first, vehicle)
+        return Report(Outcome.PROVEN, message, margins, margin_per_metre=certificate.funnels[0].margin_per_metre)
     duration = sum((segment.duration for segment in problem.segments), fmpq(0))
     slowest, fastest = problem.inputs["u0"]
     arrival = duration / fastest, duration / slowest
@@ -106,6 +107,7 @@ def _proven(certificate: Certificate) -> Report:
 def _tube_message(certificate: Certificate, tube: TubeClaim, vehicle: str) -> str:
     problem, funnel = certificate.problem, certificate.funnels[0]
     assert funnel.margin_per_metre is not None
+    widths = ", ".join(decimal_text(width, ROUND_CEILING) for width in half_widths(funnel.shape))
     way = problem.inputs["u0"][1] * contraction_way(funnel.beta_lower, funnel.beta_inner) / funnel.margin_per_metre
     comes_down = (
         f" A car that enters at V = 1 is inside V <= {decimal_text(funnel.beta_inner, ROUND_CEILING)} after "
@@ -117,7 +119,7 @@ def _tube_message(certificate: Certificate, tube: TubeClaim, vehicle: str) -> st
         f"{_interval(tube.curvature)} 1/m and whose acceleration dv/dtheta lies in {_interval(tube.acceleration)} m/s^2. "
         f"{_sets(problem, ROUND_FLOOR, ROUND_CEILING)} From every start in I, anywhere along the path, inputs "
         f"{_inputs(problem, ROUND_FLOOR, ROUND_CEILING)} suffice to keep the car in the tube V <= 1 "
-        f"({_funnels(certificate, ROUND_CEILING)}), inside G and inside {_safe(problem, ROUND_CEILING)}, for ever; "
+        f"({_funnels(certificate, ROUND_CEILING)}, half-widths ({widths})), inside G and inside {_safe(problem, ROUND_CEILING)}, for ever; "
         f"V decreases there with margin lambda = {decimal_text(funnel.margin, ROUND_FLOOR)} 1/s and "
         f"{decimal_text(funnel.margin_per_metre, ROUND_FLOOR)} per metre of the reference at u0 = 1, or more." + comes_down
     )

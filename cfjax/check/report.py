@@ -17,9 +17,13 @@ class Outcome(enum.Enum):
 
 @dataclass(frozen=True)
 class Report:
-    """Outcome and message (one paragraph); for a proven funnel λ per segment (1/s) and when the car arrives (s)."""
+    """Outcome and message (one paragraph); for a proven funnel λ per segment (1/s) and when the car arrives (s).
+
+    A tube has no arrival, but a margin per metre of the reference (1/m).
+    """
 
     outcome: Outcome
     message: str
     margins: tuple[fmpq, ...] = ()
     arrival: tuple[fmpq, fmpq] | None = None  # earliest, latest
+    margin_per_metre: fmpq | None = None

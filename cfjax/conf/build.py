@@ -11,6 +11,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig
 from cfjax.errors import InputError
+from cfjax.funnel import Objective
 from cfjax.options import Options
 from cfjax.problem import Box, Ellipsoid, Interval, Method, Path, Problem
 
@@ -116,7 +117,9 @@ def problem_of(config: Config) -> Problem:
 
 def options_of(config: Config) -> Options:
     """How to look for a funnel."""
-    return Options(**{field.name: getattr(config, field.name) for field in dataclasses.fields(Options)})
+    plain = [field.name for field in dataclasses.fields(Options) if field.name != "objective"]
+    objective = Objective(config.objective.kind, config.objective.margin)
+    return Options(objective=objective, **{name: getattr(config, name) for name in plain})
 
 
 def one_line(error: BaseException) -> str:

@@ -5,6 +5,7 @@ only what has no object of its own.
 """
 
 import abc
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +14,7 @@ from omegaconf import MISSING
 
 from cfjax.errors import InputError
 from cfjax.options import Options
-from cfjax.problem import KinematicBicycle, Path, Vehicle, circle, straight
+from cfjax.problem import Interval, KinematicBicycle, Path, Vehicle, circle, straight, tube
 
 
 @dataclass
@@ -49,7 +50,35 @@ class CircleConfig(PathConfig):
         return Path(self.name, circle(self.radius, self.speed, self.laps).segments)
 
 
-PATH_KINDS: dict[str, type[PathConfig]] = {"straight": StraightConfig, "circle": CircleConfig}
+@dataclass
+class TubeConfig(PathConfig):
+    """A number, or an interval [lower, upper]; of curvature and acceleration a number stands for ± itself."""
+
+    kind: str = "tube"
+    speed: Any = 1.0  # m/s
+    curvature: Any = 1.0  # 1/m
+    acceleration: Any = 0.0  # dv/dtheta, m/s²
+
+    def build(self) -> Path:
+        bounds = {label: _bounds(label, getattr(self, label)) for label in ("speed", "curvature", "acceleration")}
+        return Path(self.name, tube(**bounds).segments)
+
+
+def _bounds(label: str, value: Any) -> float | Interval:
+    given = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
+    if len(given) > 2 or not given or not all(isinstance(n, int | float) and not isinstance(n, bool) for n in given):
+        raise InputError(f"path.{label}: expected a number or an interval [lower, upper], got {value}")
+    if len(given) == 1:
+        return float(given[0])
+    try:
+        return Interval(float(given[0]), float(given[1]))
+    except InputError:
+        raise InputError(
+            f"path.{label}: expected an interval of finite numbers, the lower one first, got {list(given)}"
+        ) from None
+
+
+PATH_KINDS: dict[str, type[PathConfig]] = {"straight": StraightConfig, "circle": CircleConfig, "tube": TubeConfig}
 
 
 @dataclass
@@ -86,6 +115,14 @@ class SetsConfig:
 
 
 @dataclass
+class ObjectiveConfig:
+    """`margin`: the largest λ; `width`, `inlet`: the narrowest funnel, or the largest I, that has the margin asked for."""
+
+    kind: str = "margin"  # or width, inlet
+    margin: float | None = None  # 1/s
+
+
+@dataclass
 class WandbConfig:
     """Read only with logger=wandb."""
 
@@ -112,7 +149,9 @@ class Config:
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # u0 of path following
     template: str = Options.template  # contracting or paper
     learner: str = Options.learner
+    objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     beta_lower: float = Options.beta_lower
+    beta_inner: float | None = Options.beta_inner
     restarts: int = Options.restarts
     rounds: int = Options.rounds
     seed: int = Options.seed

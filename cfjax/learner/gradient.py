@@ -48,21 +48,23 @@ def learn(
     seed: int = 0,
     warm: Funnel | None = None,
     counterexamples: Float[np.ndarray, "k n"] | None = None,
+    tracking: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Learned | None:
     """The funnel of the largest falsified margin; None where no candidate satisfies (a)–(c).
 
-    Path following starts from the solution of trajectory tracking too, so that it is never behind it. `warm` is a
-    funnel to start from, `counterexamples` are deviations x that the particles of every candidate start from.
+    Path following starts from the solution of trajectory tracking too (unless `tracking` is false), so that it is never
+    behind it. `warm` is a funnel to start from, `counterexamples` are deviations x that the particles of every candidate start from.
     """
     instance = instance_of(problem, segment, template, beta_lower, beta_inner, Unit.BALANCED)
     rng = np.random.default_rng(seed)
     first = [funnel for funnel in (warm,) if funnel is not None]
     steps = 0
     report = progress or (lambda done, of: None)
-    passes = ROUNDS * (2 if problem.method is Method.PF else 1)
-    if problem.method is Method.PF:
-        tracking = learn(
+    tracking = tracking and problem.method is Method.PF
+    passes = ROUNDS * (2 if tracking else 1)
+    if tracking:
+        tracked = learn(
             replace(problem, method=Method.TT),
             segment,
             template,
@@ -72,9 +74,9 @@ def learn(
             seed=seed,
             progress=lambda done, of: report(done, passes),
         )
-        if tracking is not None:
-            first.append(tracking.funnel)
-            steps += tracking.steps
+        if tracked is not None:
+            first.append(tracked.funnel)
+            steps += tracked.steps
 
     factor, change = _starts(rng, candidates, instance, template)
     for k, funnel in enumerate(first[:candidates]):

@@ -171,7 +171,7 @@ def tube(
             return value
         if not 0 <= value < float("inf"):
             raise InputError(f"path.{label}: expected a finite number that is not negative, got {value}")
-        return Interval(lower * value, value)
+        return Interval(lower * value + 0.0, value)  # no minus zero in files
 
     bounds = Tube(
         interval("curvature", curvature, -1.0),

@@ -1,7 +1,7 @@
 """The picture of a funnel: its shadow on the plane with cars inside, and V along each rollout."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -12,38 +12,29 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cfjax.funnel import Funnel
-from cfjax.problem import Segment
+from cfjax.problem import Segment, Tube
+from cfjax.report.style import (
+    CAR_COLOURS,
+    EDGE_COLOUR,
+    FUNNEL_COLOUR,
+    GOAL_COLOUR,
+    INLET_COLOUR,
+    REFERENCE_COLOUR,
+    STYLE,
+    draw_shell,
+    ellipse_outline,
+    rotation,
+)
+from cfjax.report.tube_plot import draw_tube
 from cfjax.result import Result
 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FUNNEL_COLOUR, EDGE_COLOUR = "#cfe3f5", "#4c86b8"
-INLET_COLOUR, GOAL_COLOUR, REFERENCE_COLOUR = "#2b8a3e", "#c92a2a", "#111111"
-CAR_COLOURS = ("#e8590c", "#9c36b5", "#0b7285", "#5c940d", "#a61e4d", "#364fc7")
-STYLE: dict[Any, Any] = {
-    "font.family": "serif",
-    "mathtext.fontset": "cm",
-    "font.size": 9,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-}
-
-
-def rotation(alpha: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 2 2"]:
-    """Rotations from the reference's frame to the plane, one per heading (rad)."""
-    c, s = np.cos(alpha), np.sin(alpha)
-    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
-
-
 def shadows(funnel: Funnel, segment: Segment, theta: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 96 2"]:
     """Outlines (m, inertial frame) of the funnel's shadow on the x–y plane at each θ: ellipses."""
-    block = np.linalg.inv(funnel.shape)[1:3, 1:3]
-    angle = np.linspace(0, 2 * np.pi, 96)
-    outline = np.linalg.cholesky(block) @ np.stack([np.cos(angle), np.sin(angle)])
+    outline = ellipse_outline(np.linalg.inv(funnel.shape)[1:3, 1:3])
     size = np.sqrt(np.broadcast_to(funnel.level(theta), theta.shape))
     poses = segment.poses(theta)
     turned = np.einsum("tij,jk->tki", rotation(poses[:, 0]), outline)
@@ -60,12 +51,16 @@ def positions(segment: Segment, theta: Float[np.ndarray, "t k"], x: Float[np.nda
 
 
 def save_picture(result: Result, path: Path) -> None:
-    """Write funnel.png: every segment's funnel and the cars that were driven through it."""
+    """Write funnel.png: every segment's funnel, or a tube, and the cars that were driven through it."""
+    tube = isinstance(result.problem.path.segments[0], Tube)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.2, 3.9), layout="constrained", dpi=160)
-        plane, values = figure.subplots(1, 2, width_ratios=[1.35, 1])
-        _draw_plane(plane, result)
-        _draw_values(values, result)
+        figure = Figure(figsize=(9.2, 6.4 if tube and result.rollouts else 3.9), layout="constrained", dpi=160)
+        if tube and result.segments:
+            draw_tube(figure, result)
+        elif not tube:
+            plane, values = figure.subplots(1, 2, width_ratios=[1.35, 1])
+            _draw_plane(plane, result)
+            _draw_values(values, result)
         figure.suptitle(_title(result), fontsize=10)
         figure.savefig(path, metadata={"Software": None})
 
@@ -122,17 +117,7 @@ def _draw_values(axes: "Axes", result: Result) -> None:
             colour = CAR_COLOURS[car % len(CAR_COLOURS)]
             axes.plot(offset + cars.theta[:last, car], cars.value[:last, car], color=colour, lw=0.6, alpha=0.8)
         offset += segment.duration
-    axes.axhline(1.0, color=EDGE_COLOUR, lw=1.0)
     if result.segments:
-        lower = result.segments[0].funnel.beta_lower
-        axes.axhspan(lower, 1.0, color=FUNNEL_COLOUR, lw=0, zorder=0)
-        axes.annotate(
-            rf"shell $V \in [{lower:g}, 1]$: $\dot V \leq -\lambda$",
-            (0.98, 0.5 * (lower + 1)),
-            xycoords=("axes fraction", "data"),
-            ha="right",
-            va="center",
-            fontsize=8,
-        )
+        draw_shell(axes, result.segments[0].funnel)
     axes.set(xlabel=r"reference time $\theta$ (s)", ylabel=r"$V(\theta, x)$", ylim=(0, 1.05))
     axes.set_xlim(0, max(offset, 1e-9))

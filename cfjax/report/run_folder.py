@@ -27,10 +27,12 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
+from cfjax.check.containment import half_widths
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Problem, Segment, Vehicle
+from cfjax.problem import Ellipsoid, Problem, Segment, Tube, Vehicle
 from cfjax.result import ClosedLoop, Result, SegmentResult
 from cfjax.verdict import Verdict
 
@@ -72,7 +74,8 @@ def write_run(
     result = _write_certificate(result, folder / CERTIFICATE, check)
     if result.document is not None:
         result = _with_seconds(result, "check", time.perf_counter() - begin)
-    write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
+    if not any(isinstance(segment, Tube) for segment in result.problem.path.segments):  # a tube is no curve
+        write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
     write_whole(folder / CONFIG, config_yaml.encode())
     try:
         if drive is not None:
@@ -99,7 +102,7 @@ def _write_certificate(result: Result, path: Path, check: Check) -> Result:
         return _without_claim(result, result.verdict, result.message)
     if result.document is None:
         return _without_claim(result, Verdict.INCONCLUSIVE, "there is no certificate to check, so nothing is proven")
-    write_whole(path, (json.dumps(result.document, indent=1, allow_nan=False) + "\n").encode())
+    write_whole(path, dump(result.document).encode())
     try:
         report = check(path)
         accepted, reason = report.outcome is PROVES[result.verdict], report.message
@@ -118,9 +121,11 @@ def _write_certificate(result: Result, path: Path, check: Check) -> Result:
 def _with_margins(result: Result, report: Report) -> Result:
     """The margins that the checker proved, rounded down."""
     segments = zip(result.segments, report.margins, strict=True)
+    per_metre = None if report.margin_per_metre is None else _rounded_down(report.margin_per_metre)
     return result.replace(
         segments=tuple(
-            dataclasses.replace(segment, margin_certified=_rounded_down(margin)) for segment, margin in segments
+            dataclasses.replace(segment, margin_certified=_rounded_down(margin), margin_per_metre=per_metre)
+            for segment, margin in segments
         )
     )
 
@@ -132,7 +137,7 @@ def _rounded_down(number: fmpq) -> float:
 
 
 def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
-    segments = tuple(dataclasses.replace(segment, margin_certified=None) for segment in result.segments)
+    segments = tuple(dataclasses.replace(segment, margin_certified=None, margin_per_metre=None) for segment in result.segments)
     return result.replace(verdict=verdict, message=message, segments=segments, document=None)
 
 
@@ -185,7 +190,10 @@ def result_json(result: Result) -> dict[str, Any]:
         "template": result.segments[0].funnel.template.name if result.segments else None,
         "margin": {"certified": _number(result.margin_certified), "falsified": _number(result.margin_falsified)},
         "margin_per_metre": _number(_margin_per_metre(result)),
-        "segments": [_segment_json(segment) for segment in result.segments],
+        "segments": [
+            _segment_json(problem, segment, found)
+            for segment, found in zip(problem.path.segments, result.segments, strict=False)
+        ],
         "inputs": {name: [box.lower, box.upper] for name, box in zip(states, problem.inputs, strict=True)},
         "vehicle": {"name": problem.vehicle.name, **numbers_of(problem.vehicle)},
         "sets": {
@@ -211,32 +219,56 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _segment_json(segment: SegmentResult) -> dict[str, Any]:
-    funnel = segment.funnel
-    return {
-        "duration": float(funnel.duration),
+def _segment_json(problem: Problem, segment: Segment | Tube, found: SegmentResult) -> dict[str, Any]:
+    funnel, states = found.funnel, problem.vehicle.state_names
+    content = {
+        "duration": _number(funnel.duration),
         "C": np.asarray(funnel.shape).tolist(),
         "template": funnel.template.name,
         funnel.template.rate_name: float(funnel.rate),
         "beta": 1.0,
         "beta_lower": float(funnel.beta_lower),
-        "margin_certified": _number(segment.margin_certified),
-        "margin_falsified": _number(segment.margin_falsified),
+        "beta_inner": float(funnel.inner),
+        "margin_certified": _number(found.margin_certified),
+        "margin_falsified": _number(found.margin_falsified),
+        # of {x' C x <= 1}, exactly and rounded up
+        "half_widths": dict(zip(states, _half_widths(funnel), strict=True)),
     }
+    if found.margin_certified is not None:
+        # of each state's rate alone: with it V still does not grow on the shell at theta = 0
+        absorbed = funnel.absorbed_disturbance(found.margin_certified)
+        content["disturbance"] = {name: float(bound) for name, bound in zip(states, absorbed, strict=True)}
+    if isinstance(segment, Tube):
+        content["margin_per_metre"] = _number(found.margin_per_metre)
+        content["reference"] = {
+            "speed": [segment.speed.lower, segment.speed.upper],
+            "curvature": [segment.curvature.lower, segment.curvature.upper],
+            "acceleration": [segment.acceleration.lower, segment.acceleration.upper],
+        }
+    return content
+
+
+def _half_widths(funnel: Funnel) -> list[float]:
+    exact = half_widths([[fmpq(*float(entry).as_integer_ratio()) for entry in row] for row in funnel.shape])
+    return [-_rounded_down(-width) for width in exact]
 
 
 def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
     content = dataclasses.asdict(loop)
     return content | {
         "largest_value": _number(loop.largest_value),
-        "arrival": [_number(time) for time in loop.arrival],
+        "arrival": [_number(time) for time in loop.arrival] if loop.arrival else None,
     }
 
 
 def _margin_per_metre(result: Result) -> float | None:
-    """Smallest certified λ over the largest speed of its segment, 1/m."""
+    """Smallest certified margin per metre of a tube, or λ over the largest speed of its segment, 1/m."""
     margins = [
-        None if found.margin_certified is None else found.margin_certified / _top_speed(segment)
+        found.margin_per_metre
+        if isinstance(segment, Tube)
+        else None
+        if found.margin_certified is None
+        else found.margin_certified / _top_speed(segment)
         for segment, found in zip(result.problem.path.segments, result.segments, strict=False)
     ]
     return None if not margins or None in margins else min(m for m in margins if m is not None)
@@ -273,12 +305,16 @@ def read_run(folder: Path) -> Result:
     document = read_json(folder / CERTIFICATE) if (folder / CERTIFICATE).exists() else None
     try:
         loop = data["closed_loop"]
+        # objective=inlet enlarges the I of the configuration
+        problem = dataclasses.replace(problem, inlet=Ellipsoid(tuple(data["sets"]["inlet"])))
         return Result(
             verdict=Verdict(data["verdict"]),
             message=data["message"],
             problem=problem,
             segments=tuple(_segment_of(segment) for segment in data["segments"]),
-            closed_loop=ClosedLoop(**{**loop, "arrival": tuple(loop["arrival"])}) if loop else None,
+            closed_loop=ClosedLoop(**{**loop, "arrival": tuple(loop["arrival"]) if loop["arrival"] else None})
+            if loop
+            else None,
             seconds=data["seconds"],
             iterations=data["iterations"],
             document=document,
@@ -292,10 +328,20 @@ def read_run(folder: Path) -> Result:
 def _segment_of(data: dict[str, Any]) -> SegmentResult:
     template = template_named(data["template"])
     funnel = Funnel(
-        template, np.array(data["C"], float), data[template.rate_name], data["duration"], data["beta_lower"]
+        template,
+        np.array(data["C"], float),
+        data[template.rate_name],
+        math.inf if data["duration"] is None else data["duration"],
+        data["beta_lower"],
+        data["beta_inner"],
     )
     falsified = data["margin_falsified"]
-    return SegmentResult(funnel, math.nan if falsified is None else falsified, data["margin_certified"])
+    return SegmentResult(
+        funnel=funnel,
+        margin_falsified=math.nan if falsified is None else falsified,
+        margin_certified=data["margin_certified"],
+        margin_per_metre=data.get("margin_per_metre"),
+    )
 
 
 def read_json(path: Path) -> dict[str, Any]:

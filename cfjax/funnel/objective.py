@@ -1,0 +1,44 @@
+"""What a funnel is wanted for."""
+
+import math
+from dataclasses import dataclass
+
+from cfjax.errors import InputError
+from cfjax.funnel.funnel import Funnel
+from cfjax.problem import Problem
+
+
+KINDS = ("margin", "width", "inlet")
+LATERAL = 1  # index of the state x
+
+
+@dataclass(frozen=True)
+class Objective:
+    """`margin`: the largest λ; `width`: the smallest lateral half-width, `inlet`: the largest I, at λ ≥ `margin` (1/s).
+
+    The sets asked for always hold; `inlet` scales I up and keeps its shape.
+    """
+
+    kind: str = "margin"
+    margin: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"objective: expected one of {', '.join(KINDS)}, got {self.kind}")
+        if self.kind == "margin" and self.margin is not None:
+            raise InputError("objective.margin: expected none with objective=margin, which seeks the largest")
+        if self.kind != "margin" and not (self.margin is not None and 0 < self.margin < math.inf):
+            raise InputError(
+                f"objective.margin: expected a positive number (1/s) with objective={self.kind}, got {self.margin}"
+            )
+
+    def rank(self, problem: Problem, funnel: Funnel, margin: float) -> tuple[float, ...]:
+        """Larger is better: for a funnel of the problem with that certified margin (1/s, 0 for none)."""
+        if self.margin is None or margin < self.margin:
+            return 0.0, margin
+        return 1.0, -lateral_half_width(funnel) if self.kind == "width" else problem.inlet.half_axes[0]
+
+
+def lateral_half_width(funnel: Funnel) -> float:
+    """Largest lateral deviation in the funnel at any θ, m."""
+    return math.sqrt(max(1.0, funnel.end_level)) * float(funnel.half_widths()[LATERAL])

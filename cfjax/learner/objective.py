@@ -1,0 +1,90 @@
+"""What is sought beside a proof: the largest margin, or the narrowest or widest funnel that has a margin asked for.
+
+The margin that can be had is the larger, the wider the funnel may be and the smaller I is. So the two other objectives
+are searches along one number, by bisection, each step a `learn` that starts from the best funnel so far.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cfjax.funnel import LATERAL, Objective, Template, lateral_half_width
+from cfjax.learner.gradient import Learned, learn
+from cfjax.problem import Box, Ellipsoid, Problem, Segment, Tube
+
+
+STEPS = 8  # of a bisection
+CLOSE = 1.003  # ratio of its ends at which it stops
+NO_LIMIT = 1e6  # half-width of a box that bounds nothing
+WIDEST_INLET = 16.0  # times the I asked for, at most
+
+
+def learn_for(
+    objective: Objective,
+    target: float | None,
+    problem: Problem,
+    segment: Segment | Tube,
+    template: Template,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Any,
+) -> tuple[Problem, Learned | None]:
+    """The funnel that is best for the objective at a falsified margin of `target` (1/s), and the problem it solves.
+
+    The problem is the one given but for `inlet`, which enlarges I. Where the target is out of reach the funnel of the
+    largest margin comes back. `options` are those of `cfjax.learner.gradient.learn`.
+    """
+    report = progress or (lambda done, of: None)
+    steps = 0 if target is None else STEPS
+    first = learn(
+        problem, segment, template, progress=lambda done, of: report(done, of + steps), **options
+    )
+    if target is None or first is None or first.margin < target:
+        return problem, first
+    options = {name: value for name, value in options.items() if name not in ("warm", "counterexamples")}
+    widest = _lateral(first)
+    low, high = (problem.inlet.half_axes[LATERAL], widest) if objective.kind == "width" else (1.0, _most(problem, segment))
+    best = problem, first
+    for step in range(STEPS):
+        if high / low < CLOSE:
+            break
+        middle = math.sqrt(low * high)
+        asked = _narrowed(problem, middle) if objective.kind == "width" else _widened(problem, middle)
+        found = learn(asked, segment, template, warm=best[1].funnel, tracking=False, **options)
+        good = found is not None and found.margin >= target
+        if found is not None and good:
+            best = (problem if objective.kind == "width" else asked), found
+        if objective.kind == "width":
+            low, high = (low, min(middle, _lateral(best[1]))) if good else (middle, high)
+        else:
+            low, high = (middle, high) if good else (low, middle)
+        report(step + 1, STEPS)
+    return best
+
+
+def _lateral(learned: Learned) -> float:
+    return lateral_half_width(learned.funnel)
+
+
+def _narrowed(problem: Problem, half_width: float) -> Problem:
+    """The same with a lateral limit; a search's own, which nobody has to prove."""
+    limits = list(problem.safe.half_widths if problem.safe else (NO_LIMIT,) * problem.dimension)
+    limits[LATERAL] = min(limits[LATERAL], half_width)
+    return replace(problem, safe=Box(tuple(limits)))
+
+
+def _widened(problem: Problem, scale: float) -> Problem:
+    return replace(problem, inlet=Ellipsoid(tuple(scale * axis for axis in problem.inlet.half_axes)))
+
+
+def _most(problem: Problem, segment: Segment | Tube) -> float:
+    """A scale of I at which the question is no longer one: I would reach G (of a tube), S or the wrap of the heading."""
+    inlet = np.array(problem.inlet.half_axes)
+    limits = [np.array(problem.safe.half_widths) / inlet] if problem.safe else []
+    if isinstance(segment, Tube):
+        limits.append(np.array(problem.goal.half_axes) / inlet)
+    limits.append(np.array([math.pi / inlet[0], WIDEST_INLET]))
+    return float(min(limit.min() for limit in limits)) * (1 - 1e-6)

@@ -1,0 +1,113 @@
+"""The picture of a tube: its sections with I and G, one of the paths it is proven for, and V along the way of cars."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse
+
+from cfjax.funnel import Funnel
+from cfjax.problem import Ellipsoid, Problem, Tube
+from cfjax.report.style import (
+    CAR_COLOURS,
+    EDGE_COLOUR,
+    FUNNEL_COLOUR,
+    GOAL_COLOUR,
+    INLET_COLOUR,
+    REFERENCE_COLOUR,
+    draw_shell,
+    ellipse_outline,
+    rotation,
+)
+from cfjax.result import Result, Rollouts
+
+
+SHOWN_WAY = 60.0  # of one path, in lateral half-widths of the tube: enough to see it turn
+
+
+def draw_tube(figure: Figure, result: Result) -> None:
+    """All panels; without rollouts only the sections."""
+    tube, found = result.problem.path.segments[0], result.segments[0]
+    assert isinstance(tube, Tube)
+    cars = result.rollouts[0] if result.rollouts else None
+    rows = figure.subfigures(2, 1, height_ratios=[1.15, 1]) if cars else [None, figure.subfigures(1, 1)]
+    if cars is not None and rows[0] is not None:
+        plane, values = rows[0].subplots(1, 2, width_ratios=[1.5, 1])
+        _draw_path(plane, found.funnel, cars)
+        _draw_values(values, found.funnel, cars)
+    below = rows[1]
+    assert below is not None
+    _draw_sections(below.subplots(1, 3), result.problem, found.funnel)
+    handles = [
+        Line2D([], [], color=EDGE_COLOUR, lw=1.4, label="tube $V = 1$"),
+        Line2D([], [], color=INLET_COLOUR, lw=1.2, label="starts $I$"),
+        Line2D([], [], color=GOAL_COLOUR, lw=1.2, label="bound $G$"),
+    ]
+    below.legend(handles=handles, loc="outside lower left", ncols=3, fontsize=8, handlelength=1.6)
+
+
+def _draw_path(axes: Axes, funnel: Funnel, cars: Rollouts) -> None:
+    """The random path of one recorded car, the tube along it, and the car."""
+    assert cars.reference is not None
+    car = _most_curved(cars)
+    poses, x = cars.reference[:, car], cars.x[:, car]
+    way = _way(cars)[:, car]
+    last = int(np.searchsorted(way, SHOWN_WAY * float(funnel.half_widths()[1]))) + 1
+    poses, x = poses[:last], x[:last]
+    outline = ellipse_outline(np.linalg.inv(funnel.shape)[1:3, 1:3])
+    turns = rotation(poses[:, 0])
+    outlines = poses[:, None, 1:] + np.einsum("tij,jk->tki", turns, outline)
+    axes.add_collection(PolyCollection(list(outlines), facecolor=EDGE_COLOUR, edgecolor=EDGE_COLOUR, lw=1.2))
+    axes.add_collection(PolyCollection(list(outlines), facecolor=FUNNEL_COLOUR, edgecolor="none"))
+    axes.plot(poses[:, 1], poses[:, 2], color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)), label="a path within the bounds")
+    where = poses[:, 1:] + np.einsum("tij,tj->ti", turns, x[:, 1:3])
+    axes.plot(where[:, 0], where[:, 1], color=CAR_COLOURS[0], lw=0.9, label="a car")
+    axes.plot(*where[0], ".", color=CAR_COLOURS[0], ms=4)
+    axes.set(xlabel="$x$ (m)", ylabel="$y$ (m)")
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.legend(fontsize=8, loc="best")
+
+
+def _most_curved(cars: Rollouts) -> int:
+    assert cars.reference is not None
+    return int(np.argmax(np.abs(np.diff(cars.reference[..., 0], n=2, axis=0)).sum(axis=0)))
+
+
+def _way(cars: Rollouts) -> Float[np.ndarray, "t k"]:
+    """Length of the reference's way, m."""
+    assert cars.reference is not None
+    steps = np.linalg.norm(np.diff(cars.reference[..., 1:], axis=0), axis=-1)
+    return np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+
+
+def _draw_values(axes: Axes, funnel: Funnel, cars: Rollouts) -> None:
+    way = _way(cars)
+    for car in range(way.shape[1]):
+        axes.plot(way[:, car], cars.value[:, car], color=CAR_COLOURS[car % len(CAR_COLOURS)], lw=0.5, alpha=0.8)
+    draw_shell(axes, funnel)
+    axes.set(xlabel="way of the reference (m)", ylabel="$V(x)$", ylim=(0, 1.05))
+    axes.set_xlim(0, float(np.median(way[-1])))
+
+
+def _draw_sections(panels: "np.ndarray", problem: Problem, funnel: Funnel) -> None:
+    """Shadows of the tube, I and G on pairs of states."""
+    names = ("heading (rad)", "lateral (m)", "longitudinal (m)", *problem.vehicle.internal_names)
+    labels = [name if name != "v" else "speed (m/s)" for name in names]
+    inverse = np.linalg.inv(funnel.shape)
+    for axes, (i, j) in zip(panels, ((1, 2), (1, 0), (2, min(3, len(labels) - 1))), strict=True):
+        outline = ellipse_outline(inverse[np.ix_((i, j), (i, j))])
+        axes.fill(*outline, color=FUNNEL_COLOUR)
+        axes.plot(*outline, color=EDGE_COLOUR, lw=1.4)
+        for ellipsoid, colour in ((problem.inlet, INLET_COLOUR), (problem.goal, GOAL_COLOUR)):
+            axes.add_patch(_section(ellipsoid, i, j, colour))
+        axes.set(xlabel=labels[i], ylabel=labels[j])
+        axes.autoscale_view()
+        axes.margins(0.06)
+
+
+def _section(ellipsoid: Ellipsoid, i: int, j: int, colour: str) -> Ellipse:
+    a = ellipsoid.half_axes
+    return Ellipse((0, 0), 2 * a[i], 2 * a[j], fill=False, edgecolor=colour, lw=1.2)
