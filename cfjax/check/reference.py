@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import comb
+from types import MappingProxyType
 from typing import NamedTuple
 
 from flint import acb, acb_series, arb, arb_poly, fmpq, fmpq_mat, fmpq_poly
@@ -80,6 +81,10 @@ class CertifiedTube:
             raise ValueError(f"tube {self.name}: expected 0 < beta_inner <= beta_lower <= 1 and a positive margin")
         if next(iter(self.inputs), None) != "u0" or not 0 < self.inputs["u0"][0] <= self.inputs["u0"][1]:
             raise ValueError(f"tube {self.name}: expected u0 as first input, in an interval above zero")
+        # proofs are cached by the object: nobody may change its numbers afterwards
+        object.__setattr__(self, "shape", tuple(tuple(row) for row in self.shape))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
 
     @property
     def timing(self) -> Range:

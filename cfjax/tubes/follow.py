@@ -400,7 +400,7 @@ def _choose(
     total = np.where(last >= since[:, size], least[f[..., 0], every, at] + widths * arc[-1], np.inf)
     chain, tube = np.unravel_index(int(total.argmin()), total.shape)
     if not math.isfinite(total[chain, tube]):
-        raise ValueError(_no_chain(reference, tubes, holds, best.min(0), since, gap))
+        raise ValueError(_no_chain(reference, tubes, holds, best, since, starts if gap else None, gap))
     runs = []
     begin, end = int(entered[chain, tube, at[chain, tube]]), size
     while True:
@@ -414,40 +414,36 @@ def _no_chain(
     reference: Reference,
     tubes: tuple[CertifiedTube, ...],
     holds: Bool[np.ndarray, "tubes pieces"],
-    best: Float[np.ndarray, "tubes pieces"],
+    best: Float[np.ndarray, "chains tubes pieces"],
     since: Int[np.ndarray, "tubes ends"],
+    starts: Int[np.ndarray, " chains"] | None,
     gap: Gap | None,
 ) -> str:
-    """Where every chain ends, and the link that comes closest to leading on."""
-    count, size = holds.shape
+    """Where every chain ends, and the link that comes closest to leading on. A lap is closed with `starts`."""
+    size = holds.shape[1]
     pieces = reference.pieces
-    reached, earliest = 0, {}  # of each tube that reaches furthest: the first piece at which a chain enters it
-    for end in range(size, 0, -1):
-        for i in range(count):
-            entries = np.flatnonzero(np.isfinite(best[i, since[i, end] : end]))
-            if entries.size:
-                earliest[i] = int(since[i, end] + entries[0])
-        if earliest:
-            reached = end
-            break
-    following = range(count) if reached == size else np.flatnonzero(holds[:, reached])
-    distances = _distances(tubes, gap if reached == size else None)
-    end_arc = reference.length if reached == size else pieces[reached].arc
-    short = [
-        (float(distances[i, j]), float(end_arc - pieces[a].arc), i, int(j))
-        for i, a in earliest.items()
-        for j in following
+    reached = size
+    runs: list[tuple[int, int, int]] = []  # chain, tube, and the first piece at which the chain enters it
+    while not runs:  # ends: every chain begins with a piece that its tube holds
+        for i, entry in enumerate(since[:, reached]):
+            for chain, costs in enumerate(best[:, i, entry:reached]):
+                entries = np.flatnonzero(np.isfinite(costs))
+                runs += [(chain, i, int(entry + entries[0]))] if entries.size else []
+        reached -= 1
+    reached += 1
+    at_end = reached == size
+    distances = _distances(tubes, gap if at_end else None)
+    end = reference.length if at_end else pieces[reached].arc
+    links = [
+        (float(distances[i, j]), float(end - pieces[entry].arc), i, int(j))
+        for chain, i, entry in runs
+        for j in (np.flatnonzero(holds[:, reached]) if starts is None or not at_end else starts[[chain]])
     ]
-    needed, available, i, j = min(short, key=lambda link: link[0] - link[1])
-    first, second = tubes[i].name, tubes[j].name
-    where = (
-        "at the end of the lap"
-        if reached == size
-        else f"at theta = {float(pieces[reached].theta):.6g} s of segment {pieces[reached].segment}"
-    )
+    needed, available, i, j = min(links, key=lambda link: link[0] - link[1])
+    where = "at the end of the lap"
+    if not at_end:
+        where = f"at theta = {float(pieces[reached].theta):.6g} s of segment {pieces[reached].segment}"
+    start = f"no chain of tubes: {where} tube {tubes[i].name} has to be left"
     if math.isinf(needed):
-        return f"no chain of tubes: {where} tube {first} has to be left, and never fits into tube {second}"
-    return (
-        f"no chain of tubes: {where} tube {first} has to be left for tube {second} after {available:.6g} m, and fits "
-        f"into it after {needed:.6g} m"
-    )
+        return f"{start}, and never fits into tube {tubes[j].name}"
+    return f"{start} for tube {tubes[j].name} after {available:.6g} m, and fits into it after {needed:.6g} m"

@@ -22,6 +22,7 @@ from cfjax.check.reference import (
     exact_reference,
     hands_over,
     heading_gap,
+    is_closed,
     is_nonnegative,
     needed_distance,
     prove_chain,
@@ -215,12 +216,22 @@ def test_headings_are_compared_modulo_full_turns() -> None:
     assert heading_gap(fmpq(1), fmpq(1)) < fmpq(1, 10**30)
 
 
-def test_no_deviation_jumps_further_than_the_bound() -> None:
+LONG_AXES = (fmpq(1, 10**4), ONE, fmpq(1, 100), fmpq(1, 100))  # 10 m forward, little weight on the heading
+LONG = [[axis if i == j else ZERO for j in range(4)] for i, axis in enumerate(LONG_AXES)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "gap", "tightness"),
+    [
+        ({}, Gap(fmpq(3, 100), fmpq(1, 100), fmpq(2, 100), fmpq(1, 100)), 0.3),
+        ({"shape": LONG}, Gap(fmpq(1, 100), ZERO, ZERO, ZERO), 0.03),  # what is far away swings far
+    ],
+)
+def test_no_deviation_jumps_further_than_the_bound(changes: dict, gap: Gap, tightness: float) -> None:
     rng = np.random.default_rng(0)
-    own = tube()
+    own = tube(**changes)
     shape = np.array([[float(entry) for entry in row] for row in own.shape])
     root = np.linalg.inv(np.linalg.cholesky(shape)).T
-    gap = Gap(fmpq(3, 100), fmpq(1, 100), fmpq(2, 100), fmpq(1, 100))
     bound, worst = float(gap.jump(own)), 0.0
     for _ in range(2000):
         x = root @ (lambda d: d / np.linalg.norm(d))(rng.normal(size=4))
@@ -228,14 +239,21 @@ def test_no_deviation_jumps_further_than_the_bound() -> None:
         turn = np.array([[math.cos(delta), -math.sin(delta)], [math.sin(delta), math.cos(delta)]])
         after = np.array([x[0] + delta, *(turn @ x[1:3] + [lateral, forward]), x[3] + speed])
         worst = max(worst, abs(math.sqrt(after @ shape @ after) - 1))
-    assert 0.3 * bound < worst <= bound
+    assert tightness * bound < worst <= bound
+
+
+def test_a_lap_is_closed_by_pose_and_speed() -> None:
+    limits = Gap(fmpq(1, 10**6), fmpq(1, 10**6), fmpq(1, 10**6), fmpq(1, 10**9))
+    assert is_closed(limits)
+    for k in range(4):
+        assert not is_closed(Gap(*(part * (1 + TINY * (i == k)) for i, part in enumerate(limits))))
 
 
 def test_lap_gap_is_in_the_body_frame_of_the_start() -> None:
-    # starts to the left (heading 90°), goes one metre forward
+    for heading in (0.3, math.pi / 2):  # one metre forward
+        gap = exact_reference([stated(((0,),), ((1,),), start=(heading, 5, 6))]).gap
+        assert gap.lateral < fmpq(1, 10**15) and float(gap.forward) == pytest.approx(1)
     reference = exact_reference([stated(((0,),), ((1,),), start=(math.pi / 2, 5, 6))])
-    gap = reference.gap
-    assert gap.lateral < fmpq(1, 10**15) and float(gap.forward) == pytest.approx(1)
     end = reference.poses[-1].position
     assert float(end.real) == pytest.approx(4) and float(end.imag) == pytest.approx(6)
 

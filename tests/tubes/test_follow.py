@@ -1,5 +1,6 @@
 """Paths and the chains they get, or the line that says why they get none."""
 
+import dataclasses
 import importlib
 import itertools
 import math
@@ -149,8 +150,7 @@ def test_a_tube_is_no_path_and_tubes_are_needed() -> None:
 
 
 def test_tubes_of_two_vehicles_are_no_chain() -> None:
-    foreign = tube("foreign", 0.1, scale=2.0)
-    object.__setattr__(foreign, "vehicle", "another")
+    foreign = dataclasses.replace(tube("foreign", 0.1, scale=2.0), vehicle="another")
     with pytest.raises(InputError, match="one vehicle"):
         follow(curved([1.0, 0.0], [4.0, 40.0]), [WIDE, foreign])
 
@@ -243,8 +243,7 @@ def test_the_chain_is_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_arrival_is_bounded_by_the_timing() -> None:
-    slow = tube("slow", 2.0)
-    object.__setattr__(slow, "inputs", {"u0": (fmpq(1), fmpq(1))})
+    slow = dataclasses.replace(WIDE, inputs={"u0": (fmpq(1), fmpq(1))})
     assert follow(curved([0.0], [3.0]), [WIDE]).arrival == (1.5, 6.0)
     assert follow(curved([0.0], [3.0]), [slow]).arrival == (3.0, 3.0)
 
