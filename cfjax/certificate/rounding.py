@@ -11,7 +11,7 @@ from cfjax.check.decrease import Matrix
 
 FUNNEL_BITS = 30  # C is rounded to 2^-30 of its smallest eigenvalue, the rate to 2^-30 of itself: 1e-9
 WHITENING_BITS = 14  # W is a change of coordinates, any nonsingular one is right; a short one keeps numbers short
-GRAM_BITS = 34  # below the largest entry; what rounding leaves over costs about 1e-8 of the margin
+GRAM_BITS = 26  # below the largest entry; what rounding leaves over costs some parts in 1e6 of the margin
 MANTISSA_BITS = 53
 
 

@@ -3,17 +3,17 @@
 Along a path of curvature κ, speed v and acceleration a = dv/dθ the turning rate is κ v, and the rate of the deviation
 x at the inputs u = (u0, …) is asked to have the form
 
-    f(x, u; κ, v, a) = f₀(x, u; v, a) + κ v u0 g(x)                                                       (*)
+    f(x, u; κ, v, a) = f₀(x, u; v) + u0 (κ v g(x) + a h(x))                                               (*)
 
-with f₀ affine in v for fixed a and in a for fixed v (products v a may occur), no dependence on the slope of the turning
-rate, u0 > 0 and v > 0. Then, for any V and any deviation x, with G = ∇V · g(x):
+with f₀ affine in v, no dependence on the slope of the turning rate, u0 > 0 and v > 0. Then, for any V and any deviation
+x, with G = ∇V · g(x) and H = ∇V · h(x):
 
-- at fixed u and κ, V̇ over the rectangle of (v, a) is largest at one of its corners, and if V̇ ≤ −m_v there at the two
-  ends of v, then V̇ ≤ −(m interpolated between them) inside;
-- at fixed u, V̇ grows with κ G: an input that is good for the end of κ at which κ G is largest is as good or better for
-  every κ of the interval, at once. The sign of G depends on x alone, so the law need not even know κ.
+- at fixed u, V̇ grows with κ G and with a H. Let κ* and a* be the ends at which these are largest; the signs of G and H
+  depend on x alone. An input that is good at (κ*, a*) is as good or better for every κ and a of the intervals, at once:
+  the law need not even know them;
+- at fixed u, κ and a, V̇ is affine in v: if V̇ ≤ −m_v at both ends of v, V̇ ≤ −(m interpolated between them) inside.
 
-So it is enough that for each end of κ and each x there is one input u(x) with V̇ ≤ −m at all four corners of (v, a).
+So it is enough that for each pair of ends of κ and a and each x there is one input u(x) with V̇ ≤ −m at both ends of v.
 
 If moreover the dynamics have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal matrices M and N
 of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of κ is enough.
@@ -51,9 +51,9 @@ class TubeClaim:
         return fmpq(0)
 
     def extremes(self, mirrored: bool = False) -> list[Extreme]:
-        """References that speak for all: by curvature, then speed, then acceleration, lower ends first.
+        """References that speak for all: by curvature, then acceleration, then speed, lower ends first.
 
-        The members of one end of the curvature have one nominal reference, and so one sign pattern and vertex.
+        The two speeds of one curvature and acceleration have one nominal reference, and so one sign pattern and vertex.
         """
         zero = fmpq(0)
 
@@ -62,8 +62,8 @@ class TubeClaim:
 
         curvatures = [self.curvature[1]] if mirrored else _ends(self.curvature)
         return [
-            Extreme(profile(kappa, self.speed[0], zero), profile(kappa, v, a))
-            for kappa, v, a in product(curvatures, _ends(self.speed), _ends(self.acceleration))
+            Extreme(profile(kappa, self.speed[0], a), profile(kappa, v, a))
+            for kappa, a, v in product(curvatures, _ends(self.acceleration), _ends(self.speed))
         ]
 
 
@@ -84,7 +84,7 @@ def _ends(interval: Range) -> list[fmpq]:
 
 
 def require_tube_structure(dynamics: Symbolic) -> None:
-    """Raises Broken unless the dynamics have the form (*), with g a function of the state alone."""
+    """Raises Broken unless the dynamics have the form (*), with g and h functions of the state alone."""
     states = {name for name in dynamics.names if ":" not in name}
     state_indices = {index for index, name in enumerate(dynamics.names) if name in states}
     for index, (function, argument) in dynamics.functions.items():
@@ -92,16 +92,17 @@ def require_tube_structure(dynamics: Symbolic) -> None:
             raise Broken(f"vehicle: a tube needs dynamics whose {function} is of the states alone")
         state_indices.add(index)
     where = {name: index for index, name in enumerate(dynamics.names)}
-    turning = {where[TURN_RATE]: 1, where["input:u0"]: 1}
+    timing = where["input:u0"]
     for rate in dynamics.rates:
         for support, _ in _terms(rate):
-            if where[TURN_RATE_SLOPE] in support:
-                raise Broken("vehicle: its reference jumps where the curvature of the path does: no tube can hold it")
-            if support.get(where[SPEED], 0) > 1 or support.get(where[SPEED_SLOPE], 0) > 1:
-                raise Broken("vehicle: a tube needs dynamics that are affine in the reference's speed and acceleration")
             outside = {index: power for index, power in support.items() if index not in state_indices}
-            if where[TURN_RATE] in outside and outside != turning:
-                raise Broken("vehicle: a tube needs dynamics in which the turning rate enters as turn_rate u0 g(x)")
+            if where[TURN_RATE_SLOPE] in outside:
+                raise Broken("vehicle: its reference jumps where the curvature of the path does: no tube can hold it")
+            if outside.get(where[SPEED], 0) > 1:
+                raise Broken("vehicle: a tube needs dynamics that are affine in the reference's speed")
+            for name, label in ((TURN_RATE, "turning rate"), (SPEED_SLOPE, "acceleration")):
+                if where[name] in outside and outside != {where[name]: 1, timing: 1}:
+                    raise Broken(f"vehicle: a tube needs dynamics in which the {label} enters as {label} times u0 g(x)")
 
 
 def is_mirrored(

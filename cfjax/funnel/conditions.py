@@ -42,8 +42,8 @@ class Instance(NamedTuple):
     `references` are the extreme references, arrays (groups, members), `nominal` the one of each group, arrays (groups,),
     at which signs are read; margins are divided by `unit` (groups, members). Groups of one member have none else.
 
-    Where a tube is its own mirror image, so is V: `coupling` is then zero between states of unlike parity, and one end
-    of the curvature speaks for both.
+    Where a tube is its own mirror image, so is V: `coupling` is then zero between states of unlike parity, and the
+    upper end of the curvature speaks for both.
     """
 
     references: ReferencePoint
@@ -74,7 +74,8 @@ def instance_of(
     references, nominal = np.array(segment.references(), float), np.array(segment.nominal(), float)
     mirror = mirror_signs(problem.vehicle) if endless and segment.curvature.middle == 0 else None
     if mirror:
-        references, nominal = references[-1:], nominal[-1:]
+        half = len(references) // 2 if segment.curvature.half else 0  # of the groups: the upper end of the curvature
+        references, nominal = references[half:], nominal[half:]
     parity = np.array(mirror or (1,) * problem.dimension)
     speed = references[..., 1]
     may_grow = all(start < end for start, end in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))

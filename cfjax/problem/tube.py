@@ -43,21 +43,20 @@ class Tube:
         return True
 
     def references(self) -> list[list[ReferencePoint]]:
-        """The extreme references: one group for each end of the curvature, in it all ends of speed and acceleration.
+        """The extreme references: a group for each pair of ends of curvature and acceleration, in it the ends of speed.
 
-        One of them is the worst of the tube: at a fixed input V̇ is affine in speed and in acceleration, and curvature
-        enters as κ u0 v_r g(x), so that the input that is good for the worse end serves all between
-        (`cfjax.check.tube` proves this on the vehicle's graph).
+        The worst reference of the tube is one of these: at a fixed input V̇ is affine in speed, and curvature and
+        acceleration enter as u0 (κ v_r g(x) + a h(x)), so that the input that is good at the worst pair of ends serves
+        all between (`cfjax.check.tube` proves this on the vehicle's graph).
         """
-        speeds, accelerations = _ends(self.speed), _ends(self.acceleration)
         return [
-            [ReferencePoint(kappa * v, v, 0.0, a) for v, a in itertools.product(speeds, accelerations)]
-            for kappa in _ends(self.curvature)
+            [ReferencePoint(kappa * v, v, 0.0, a) for v in _ends(self.speed)]
+            for kappa, a in itertools.product(_ends(self.curvature), _ends(self.acceleration))
         ]
 
     def nominal(self) -> list[ReferencePoint]:
-        """For each end of the curvature the reference at which the signs of the inputs' authorities are read."""
-        return [ReferencePoint(kappa * self.speed.lower, self.speed.lower) for kappa in _ends(self.curvature)]
+        """For each group the reference at which the signs of the inputs' authorities are read."""
+        return [group[0] for group in self.references()]
 
 
 def _ends(interval: Interval) -> list[float]:
