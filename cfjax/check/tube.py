@@ -53,7 +53,9 @@ class TubeClaim:
     def extremes(self, mirrored: bool = False) -> list[Extreme]:
         """References that speak for all: by curvature, then acceleration, then speed, lower ends first.
 
-        The two speeds of one curvature and acceleration have one nominal reference, and so one sign pattern and vertex.
+        The two speeds of one curvature and acceleration have one nominal reference, and so one sign pattern and vertex:
+        the vertex that is best at the highest speed. (At lower ones acceleration may call for another u0, but thrust
+        then has room to make up for it, where at the highest speed a wrong u0 would cost most.)
         """
         zero = fmpq(0)
 
@@ -62,7 +64,7 @@ class TubeClaim:
 
         curvatures = [self.curvature[1]] if mirrored else _ends(self.curvature)
         return [
-            Extreme(profile(kappa, self.speed[0], a), profile(kappa, v, a))
+            Extreme(profile(kappa, self.speed[1], a), profile(kappa, v, a))
             for kappa, a, v in product(curvatures, _ends(self.acceleration), _ends(self.speed))
         ]
 

@@ -55,8 +55,8 @@ class Tube:
         ]
 
     def nominal(self) -> list[ReferencePoint]:
-        """For each group the reference at which the signs of the inputs' authorities are read."""
-        return [group[0] for group in self.references()]
+        """For each group the reference at which the signs of the inputs' authorities are read: the fastest."""
+        return [group[-1] for group in self.references()]
 
 
 def _ends(interval: Interval) -> list[float]:
