@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from cfjax.control import MinNormLaw, min_norm_input, min_norm_law
 from cfjax.funnel import Funnel, Template
-from cfjax.problem import Ellipsoid, Problem, Segment, Vehicle, deviation_rate
+from cfjax.problem import Ellipsoid, Problem, ReferencePoint, Segment, Vehicle, deviation_rate
 from cfjax.result import ClosedLoop, Rollouts
 
 
@@ -48,7 +48,20 @@ class Loop(NamedTuple):
     law: MinNormLaw
     duration: Array
     safe: Array  # half-widths of S, inf where there is none
-    step: Array  # s of the clock
+    step: Array  # s of the clock; may be one per car
+
+
+class Stretch(NamedTuple):
+    """The reference along one step, as profiles at its start: they go on along θ with their slopes."""
+
+    actual: ReferencePoint  # what the deviation is measured from
+    seen: ReferencePoint  # what the law is told
+
+
+def _along(reference: ReferencePoint, since: Array) -> ReferencePoint:
+    """The profile `since` (s of θ) later."""
+    omega, v, omega_slope, v_slope, since = jnp.broadcast_arrays(*reference, since)
+    return ReferencePoint(omega + omega_slope * since, v + v_slope * since, omega_slope, v_slope)
 
 
 def _value(template: Template, loop: Loop, theta: Array, x: tuple[Array, ...]) -> Array:
@@ -66,13 +79,14 @@ def _start(template: Template, loop: Loop, starts: Float[Array, "k n"]) -> Cars:
     return Cars(zero, x, zero, _value(template, loop, zero, x), _safe_share(loop, x))
 
 
-def _advance(vehicle: Vehicle, template: Template, loop: Loop, cars: Cars) -> Cars:
+def _advance(vehicle: Vehicle, template: Template, loop: Loop, stretch: Stretch, cars: Cars) -> Cars:
     """One RK4 step; a car that passes θ = T is put where it crossed, a car that has arrived stays."""
 
     def rate(z: tuple[Array, ...]) -> tuple[Array, ...]:
         theta, *x = z
-        inputs = min_norm_input(vehicle, template, loop.law, theta, x)
-        return inputs[0], *deviation_rate(vehicle, x, inputs, loop.law.reference)
+        actual, seen = (_along(reference, theta - cars.theta) for reference in stretch)
+        inputs = min_norm_input(vehicle, template, loop.law, seen, theta, x)
+        return inputs[0], *deviation_rate(vehicle, x, inputs, actual)
 
     def moved(h: Array, k: tuple[Array, ...]) -> tuple[Array, ...]:
         return tuple(a + h * b for a, b in zip(z, k, strict=True))
@@ -104,7 +118,13 @@ def _advance(vehicle: Vehicle, template: Template, loop: Loop, cars: Cars) -> Ca
 
 @partial(jax.jit, static_argnames=("vehicle", "template", "limit", "stride"))
 def drive(
-    vehicle: Vehicle, template: Template, loop: Loop, starts: Float[Array, "k n"], limit: int, stride: int
+    vehicle: Vehicle,
+    template: Template,
+    loop: Loop,
+    stretch: Stretch,
+    starts: Float[Array, "k n"],
+    limit: int,
+    stride: int,
 ) -> tuple[Cars, Cars]:
     """All cars, driven until each has arrived, at most `limit` steps.
 
@@ -118,7 +138,7 @@ def drive(
     def step(carry: tuple[Array, Cars, Cars]) -> tuple[Array, Cars, Cars]:
         count, cars, history = carry
         history = jax.tree.map(lambda past, now: past.at[count].set(now[::stride], mode="drop"), history, cars)
-        return count + 1, _advance(vehicle, template, loop, cars), history
+        return count + 1, _advance(vehicle, template, loop, stretch, cars), history
 
     cars = _start(template, loop, starts)
     rows = min(limit + 1, MOST_ROWS)
@@ -128,14 +148,15 @@ def drive(
     return cars, jax.tree.map(lambda past, now: jnp.where(after, now[None, ::stride], past), history, cars)
 
 
-def _loop(problem: Problem, segment: Segment, funnel: Funnel, margin: float) -> Loop:
+def _loop(problem: Problem, funnel: Funnel, law: MinNormLaw, step: float) -> Loop:
     safe = problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension
-    return Loop(
-        law=min_norm_law(problem, segment, funnel, margin),
-        duration=jnp.asarray(segment.duration, float),
-        safe=jnp.array(safe),
-        step=jnp.asarray(segment.duration / STEPS_PER_SEGMENT, float),
-    )
+    return Loop(law, jnp.asarray(funnel.duration, float), jnp.array(safe), jnp.asarray(step, float))
+
+
+def _steady(segment: Segment) -> Stretch:
+    """The same all along, and known."""
+    point = ReferencePoint(*(jnp.asarray(value, float) for value in segment.point(0.0)))
+    return Stretch(point, point)
 
 
 def drive_cars(
@@ -145,11 +166,13 @@ def drive_cars(
 
     Returns what went wrong and when they arrived, and the recorded way of a few of them.
     """
-    loop = _loop(problem, segment, funnel, margin)
+    law = min_norm_law(problem, funnel, margin)
+    loop = _loop(problem, funnel, law, segment.duration / STEPS_PER_SEGMENT)
     starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
     limit = int(np.ceil(STEPS_PER_SEGMENT / problem.timing.lower)) + 2  # u0 of tracking is 1: sooner
     stride = max(1, cars // RECORDED)
-    end, history = jax.block_until_ready(drive(problem.vehicle, funnel.template, loop, starts, limit, stride))
+    driven = drive(problem.vehicle, funnel.template, loop, _steady(segment), starts, limit, stride)
+    end, history = jax.block_until_ready(driven)
     goal = np.stack(end.x, axis=-1) / np.array(problem.goal.half_axes)
     arrived = np.asarray(end.theta) >= segment.duration * (1 - ROUNDING)
     largest, clock = np.asarray(end.largest_value), np.asarray(end.clock)

@@ -59,10 +59,11 @@ def test_law_decreases_wherever_some_input_does(template, method: Method) -> Non
     root = np.random.default_rng(3).normal(size=(4, 4)) * 0.3 + 1.8 * np.eye(4)
     funnel = Funnel(template, root @ root.T, 0.05, segment.duration)
     margin = 0.4  # of no proof: the law has to reach it wherever the box can
-    law = min_norm_law(problem, segment, funnel, margin)
+    law = min_norm_law(problem, funnel, margin)
+    point = segment.point(0.0)
     rng = np.random.default_rng(4)
-    act = jax.jit(lambda theta, x: jnp.stack(min_norm_input(problem.vehicle, template, law, theta, tuple(x))))
-    dynamics = jax.jit(lambda x: affine_deviation(problem.vehicle, x, segment.point(0.0)))
+    act = jax.jit(lambda theta, x: jnp.stack(min_norm_input(problem.vehicle, template, law, point, theta, tuple(x))))
+    dynamics = jax.jit(lambda x: affine_deviation(problem.vehicle, x, point))
     reached = 0
     for _ in range(300):
         theta = rng.uniform(0, segment.duration)
@@ -90,6 +91,6 @@ def test_law_holds_the_reference() -> None:
     segment = problem.path.segments[0]
     for template in TEMPLATES.values():
         funnel = Funnel(template, 3 * np.eye(4), 0.02, segment.duration)
-        law = min_norm_law(problem, segment, funnel, 0.5)
-        v = min_norm_input(problem.vehicle, template, law, 1.0, (0.0,) * 4)
-        np.testing.assert_allclose(v, problem.feedforward(segment, 0.0), atol=1e-12)
+        law = min_norm_law(problem, funnel, 0.5)
+        v = min_norm_input(problem.vehicle, template, law, segment.point(0.0), 1.0, (0.0,) * 4)
+        np.testing.assert_allclose(v, problem.feedforward(segment.point(0.0)), atol=1e-12)

@@ -7,10 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cfjax.control import min_norm_law
 from cfjax.funnel import Contracting, Funnel
 from cfjax.problem import Box, Ellipsoid, Method, Problem, ball, circle
 from cfjax.simulation import drive_cars
-from cfjax.simulation.rollout import _advance, _loop, _start, sample_starts
+from cfjax.simulation.rollout import _advance, _loop, _start, _steady, sample_starts
 
 
 PROBLEM = Problem(circle(), safe=Box((1.0, 1.0, 1.0, 3.0)))
@@ -31,15 +32,16 @@ def test_starts_fill_the_inlet() -> None:
 
 
 def test_integration_is_of_fourth_order() -> None:
-    loop = _loop(PROBLEM, SEGMENT, FUNNEL, 0.5)
-    loop = loop._replace(law=loop.law._replace(decrease=jnp.asarray(-1e6)))  # asks for nothing: no kinks in the law
+    nothing = jnp.asarray(-1e6)  # is asked for: no kinks in the law
+    law = min_norm_law(PROBLEM, FUNNEL, 0.5)._replace(decrease=nothing, decrease_per_metre=nothing)
+    loop = _loop(PROBLEM, FUNNEL, law, 0.1)
     start = jnp.array([[0.2, 0.3, -0.2, 0.4]])
     advance = jax.jit(partial(_advance, PROBLEM.vehicle, FUNNEL.template))
 
     def end(steps: int) -> np.ndarray:
         cars = _start(FUNNEL.template, loop, start)
         for _ in range(steps):
-            cars = advance(loop._replace(step=jnp.asarray(0.4 / steps)), cars)
+            cars = advance(loop._replace(step=jnp.asarray(0.4 / steps)), _steady(SEGMENT), cars)
         return np.array([cars.theta, *cars.x])
 
     steps = np.array([5, 10, 20])
