@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     )
     from cfjax.result import Result
     from cfjax.synthesis import drive, search, synthesize
+    from cfjax.tubes import Following, follow
     from cfjax.verdict import Verdict
 
 _WHERE = {
@@ -40,6 +41,7 @@ _WHERE = {
     "Result": "result",
     "Options": "options",
     **dict.fromkeys(("drive", "search", "synthesize"), "synthesis"),
+    **dict.fromkeys(("Following", "follow"), "tubes"),
     **dict.fromkeys(("certify", "refute"), "certificate"),
     **dict.fromkeys(("Contracting", "Funnel", "Objective", "Paper"), "funnel"),
     **dict.fromkeys(
@@ -65,6 +67,7 @@ __all__ = [
     "Box",
     "Contracting",
     "Ellipsoid",
+    "Following",
     "Funnel",
     "InputError",
     "Interval",
@@ -82,6 +85,7 @@ __all__ = [
     "certify",
     "circle",
     "drive",
+    "follow",
     "refute",
     "search",
     "straight",

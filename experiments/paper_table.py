@@ -7,13 +7,13 @@ the trials that preceded this implementation (shell [0.9, 1], u0 ∈ [0.5, 2]).
 """
 
 import argparse
-import csv
 import math
 import time
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from cfjax.conf import options_of, preset, problem_of
+from cfjax.report.lines import markdown, write_lines
 from cfjax.report.paper_rows import agreement, paper_found
 from cfjax.synthesis import synthesize
 
@@ -85,18 +85,6 @@ def run(row: str, template: str, method: str, cars: int) -> Line:
     )
 
 
-def markdown(lines: list[Line]) -> str:
-    """The table for the documentation."""
-
-    def cell(value: object) -> str:
-        return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
-
-    names = [field.name for field in fields(Line) if field.name != "seconds"]
-    rows = [" | ".join(cell(getattr(line, name)) for name in names) for line in lines]
-    head = [" | ".join(name.replace("_", " ") for name in names), " | ".join("---" for _ in names)]
-    return "\n".join(f"| {row} |" for row in [*head, *rows]) + "\n"
-
-
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -115,14 +103,8 @@ def main() -> None:
                 f"lost {line.cars_lost}  {line.seconds:5.1f} s",
                 flush=True,
             )
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    with (arguments.output / "paper_table.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Line)])
-        writer.writeheader()
-        writer.writerows(asdict(line) for line in lines)
-    text = markdown(lines)
-    (arguments.output / "paper_table.md").write_text(text)
-    print(f"\n{text}\nwritten to {arguments.output}")
+            write_lines(lines, arguments.output, "paper_table")
+    print(f"\n{markdown(lines)}\nwritten to {arguments.output}")
 
 
 if __name__ == "__main__":

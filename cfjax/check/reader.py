@@ -5,6 +5,7 @@ or nesting without end is refused. Nothing here trusts the file; what it lets th
 """
 
 import json
+import lzma
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +108,7 @@ class Item:
 
 
 def read_json(path: Path) -> object:
-    """The file's JSON value.
+    """The file's JSON value; a name that ends in .xz is unpacked.
 
     Raises:
         Unreadable: no such file, too large, not UTF-8, not JSON, or JSON of a kind that is refused here.
@@ -117,9 +118,11 @@ def read_json(path: Path) -> object:
             raise Unreadable(f"no such file: {path}")
         if path.stat().st_size > LARGEST_FILE:
             raise Unreadable(f"the file has more than {LARGEST_FILE >> 20} MB")
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
+        with lzma.open(path) if path.suffix == ".xz" else path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)  # no more of it, however much it would unpack to
         return parse_json(content)
+    except (lzma.LZMAError, EOFError):
+        raise Unreadable(f"cannot unpack {path}") from None
     except OSError as error:
         raise Unreadable(f"cannot read {path}: {error.strerror or type(error).__name__}") from None
 

@@ -17,12 +17,19 @@ from cfjax.check.symbolic import Symbolic
 
 @dataclass(frozen=True)
 class KnownVehicle:
-    """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate."""
+    """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate.
+
+    `covers(own, proven)`: whether a vehicle with the parameters `own` can do whatever one with `proven` can.
+    `scaled(parameters, length, speed)`: the parameters of the vehicle whose motion is the same with lengths and speeds
+    multiplied by these.
+    """
 
     parameters: tuple[str, ...]
     states: tuple[str, ...]
     limits: Mapping[str, str]  # input: the parameter that bounds its absolute value
     rate: Callable[[Mapping[str, fmpq], Symbolic], list[fmpq_mpoly]]
+    covers: Callable[[Mapping[str, fmpq], Mapping[str, fmpq]], bool]
+    scaled: Callable[[Mapping[str, fmpq], fmpq, fmpq], dict[str, fmpq]]
 
 
 def _bicycle(parameters: Mapping[str, fmpq], dynamics: Symbolic) -> list[fmpq_mpoly]:
@@ -38,12 +45,29 @@ def _bicycle(parameters: Mapping[str, fmpq], dynamics: Symbolic) -> list[fmpq_mp
     ]
 
 
+def _bicycle_covers(own: Mapping[str, fmpq], proven: Mapping[str, fmpq]) -> bool:
+    """Only w / wheelbase enters: what the proven car does with w, this one does with w · own / proven wheelbase."""
+    steering = own["max_tan_steering"] * proven["wheelbase"] >= proven["max_tan_steering"] * own["wheelbase"]
+    return bool(steering and own["max_thrust"] >= proven["max_thrust"])
+
+
+def _bicycle_scaled(parameters: Mapping[str, fmpq], length: fmpq, speed: fmpq) -> dict[str, fmpq]:
+    """The same car in other units: angles and their tangents keep, an acceleration is speed² over length."""
+    return {
+        "wheelbase": parameters["wheelbase"] * length,
+        "max_tan_steering": parameters["max_tan_steering"],
+        "max_thrust": parameters["max_thrust"] * speed**2 / length,
+    }
+
+
 KNOWN_VEHICLES = {
     "kinematic_bicycle": KnownVehicle(
         ("wheelbase", "max_tan_steering", "max_thrust"),
         ("alpha", "x", "y", "v"),
         {"w": "max_tan_steering", "thrust": "max_thrust"},
         _bicycle,
+        _bicycle_covers,
+        _bicycle_scaled,
     )
 }
 

@@ -1,7 +1,20 @@
-"""Certified tubes along a path: which of them holds where, proven while the path is read."""
+"""Certified tubes along a path: those that travel with the package, for any bicycle, and which of them holds where."""
 
 from cfjax.check.reference import CertifiedTube
 from cfjax.tubes.follow import Following, Link, Stretch, follow
+from cfjax.tubes.store import library, library_files, read_tube
+from cfjax.tubes.vehicles import for_vehicle, scaled
 
 
-__all__ = ["CertifiedTube", "Following", "Link", "Stretch", "follow"]
+__all__ = [
+    "CertifiedTube",
+    "Following",
+    "Link",
+    "Stretch",
+    "follow",
+    "for_vehicle",
+    "library",
+    "library_files",
+    "read_tube",
+    "scaled",
+]

@@ -35,7 +35,9 @@ from cfjax.check.reference import (
     prove_chain,
 )
 from cfjax.errors import InputError
+from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.problem.path import Path, Pose, Profile, Segment
+from cfjax.tubes.store import library
 
 
 CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
@@ -129,24 +131,32 @@ class Following:
         return self.describe()
 
 
-def follow(path: Path, tubes: Sequence[CertifiedTube], *, closed: bool = False, pinned: str | None = None) -> Following:
+def follow(
+    path: Path,
+    tubes: Sequence[CertifiedTube] | None = None,
+    *,
+    vehicle: Vehicle = KinematicBicycle(),
+    closed: bool = False,
+    pinned: str | None = None,
+) -> Following:
     """The chain of tubes with the least lateral width, by length, that is proven to hold along the path.
 
-    A closed path is one lap that is driven again and again; `pinned` is the name of the one tube to use. The tubes have
-    to be certified for the vehicle that drives.
+    `tubes` are those of the package for the vehicle unless given; given ones have to be certified for the vehicle that
+    drives. A closed path is one lap that is driven again and again; `pinned` is the name of the one tube to use.
 
     Raises:
         InputError: where the path has a jump (pose: 1e-6 rad or m; speed: 1e-9 m/s), leaves every tube, or where no
             chain is proven; the message says where and by how much.
     """
-    library = tuple(tube for tube in tubes if pinned in (None, tube.name))
-    if not library:
+    offered = library(vehicle) if tubes is None else tuple(tubes)
+    chosen = tuple(tube for tube in offered if pinned in (None, tube.name))
+    if not chosen:
         raise InputError(
-            f"path {path.name}: expected one of the tubes {', '.join(tube.name for tube in tubes) or '(none)'}, "
+            f"path {path.name}: expected one of the tubes {', '.join(tube.name for tube in offered) or '(none)'}, "
             f"got {pinned or 'none'}"
         )
     try:
-        return _follow(path, library, closed)
+        return _follow(path, chosen, closed)
     except InputError:
         raise
     except ValueError as error:  # of the exact statements, which know no other rooms
