@@ -18,7 +18,7 @@ from cfjax.learner import Learned, learn_for
 from cfjax.options import Options, Progress
 from cfjax.problem import Problem, Segment, Tube
 from cfjax.result import Result, SegmentResult
-from cfjax.simulation import drive_cars
+from cfjax.simulation import drive_cars, drive_tube_cars
 from cfjax.verdict import Verdict
 
 
@@ -68,8 +68,6 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     try:
         margin, how_many = found.margin_certified or 0.0, {"cars": options.cars, "seed": options.seed}
         if isinstance(segment, Tube):
-            from cfjax.simulation import drive_tube_cars
-
             per_metre = found.margin_per_metre or 0.0
             loop, cars = drive_tube_cars(result.problem, found.funnel, margin, per_metre, **how_many)
         else:
