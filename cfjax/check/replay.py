@@ -116,18 +116,21 @@ def _tube_message(certificate: Certificate, tube: TubeClaim, vehicle: str) -> st
     return (
         f"PROVEN: one control funnel function for {vehicle} along every path whose pose and heading are continuous, "
         f"whose speed is continuous in {_interval(tube.speed)} m/s, whose curvature, which may jump, lies in "
-        f"{_interval(tube.curvature)} 1/m and whose acceleration dv/dtheta lies in {_interval(tube.acceleration)} m/s^2. "
+        f"{_interval(tube.curvature)} 1/m and whose acceleration dv/dtheta lies in "
+        f"{_interval(tube.acceleration)} m/s^2. "
         f"{_sets(problem, ROUND_FLOOR, ROUND_CEILING)} From every start in I, anywhere along the path, inputs "
         f"{_inputs(problem, ROUND_FLOOR, ROUND_CEILING)} suffice to keep the car in the tube V <= 1 "
-        f"({_funnels(certificate, ROUND_CEILING)}, half-widths ({widths})), inside G and inside {_safe(problem, ROUND_CEILING)}, for ever; "
+        f"({_funnels(certificate, ROUND_CEILING)}, half-widths ({widths})), inside G and inside "
+        f"{_safe(problem, ROUND_CEILING)}, for ever; "
         f"V decreases there with margin lambda = {decimal_text(funnel.margin, ROUND_FLOOR)} 1/s and "
-        f"{decimal_text(funnel.margin_per_metre, ROUND_FLOOR)} per metre of the reference at u0 = 1, or more." + comes_down
+        f"{decimal_text(funnel.margin_per_metre, ROUND_FLOOR)} per metre of the reference at u0 = 1, or more."
+        + comes_down
     )
 
 
-def _interval(bounds: tuple[fmpq, fmpq]) -> str:
-    """Of a tube: printed no wider than it is."""
-    return f"[{decimal_text(bounds[0], ROUND_CEILING)}, {decimal_text(bounds[1], ROUND_FLOOR)}]"
+def _interval(bounds: tuple[fmpq, fmpq], lower: str = ROUND_CEILING, upper: str = ROUND_FLOOR) -> str:
+    """Of a tube: printed no wider than it is; of a refuted one, told so, no narrower."""
+    return f"[{decimal_text(bounds[0], lower)}, {decimal_text(bounds[1], upper)}]"
 
 
 def _refuted(certificate: Certificate) -> Report:
@@ -137,13 +140,14 @@ def _refuted(certificate: Certificate) -> Report:
     if certificate.funnels[0].margin < 0:
         raise Broken("margin: a candidate claims a margin that is not negative")
     shown = confirm_witness(problem, problem.segments[0], certificate.funnels[0], witness)
+    place = place_of(problem.segments[0].extremes(), witness.reference) if witness.condition == "d" else ""
     at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     message = (
         f"REFUTED: {_funnels(certificate, ROUND_FLOOR)} with margin lambda = "
         f"{decimal_text(certificate.funnels[0].margin, ROUND_CEILING)} 1/s is no control funnel function for {vehicle} "
         f"along {_path(problem)}. {_sets(problem, ROUND_CEILING, ROUND_FLOOR)} Safe is {_safe(problem, ROUND_FLOOR)}. "
         f"Inputs {_inputs(problem, ROUND_CEILING, ROUND_FLOOR)}. "
-        f"At theta = {about(witness.theta)} s, {at}: {shown}."
+        f"At {place}theta = {about(witness.theta)} s, {at}: {shown}."
     )
     return Report(Outcome.REFUTED, message)
 
@@ -260,11 +264,13 @@ def _signs(signs: tuple[int, ...]) -> str:
 
 
 def _path(problem: ProblemClaim) -> str:
+    """What a segment's funnel is about, or what a refuted tube's is: rounded so that a refutation says less."""
     segment = problem.segments[0]
     if isinstance(segment, TubeClaim):
+        bounds = (segment.speed, segment.curvature, segment.acceleration)
+        speed, curvature, acceleration = (_interval(ends, ROUND_FLOOR, ROUND_CEILING) for ends in bounds)
         return (
-            f"every path with speed in {_interval(segment.speed)} m/s, curvature in {_interval(segment.curvature)} 1/m "
-            f"and acceleration in {_interval(segment.acceleration)} m/s^2"
+            f"every path with speed in {speed} m/s, curvature in {curvature} 1/m, acceleration in {acceleration} m/s^2"
         )
     return (
         f'the path "{problem.path}" (turning rate {about(segment.turn_rate)} rad/s, speed {about(segment.speed)} m/s, '

@@ -124,7 +124,8 @@ def is_mirrored(
 
 def _mirrors(dynamics: Symbolic, states: int, inputs: int) -> Iterator[tuple[int, ...]]:
     """Signs of states and inputs with f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a); u0 keeps its sign."""
-    dynamics.domain.budget.spend(sum(map(len, dynamics.rates)) * 2 ** (states + inputs))
+    looked_at = [*dynamics.rates, *(argument for _, argument in dynamics.functions.values())]
+    dynamics.domain.budget.spend(sum(map(len, looked_at)) * 2 ** (states + inputs))
     for flips in product((1, -1), repeat=states + inputs - 1):
         chosen = (*flips[:states], 1, *flips[states:])
         signs = {**dict(enumerate(chosen)), **{dynamics.names.index(name): 1 for name in (SPEED, SPEED_SLOPE)}}
