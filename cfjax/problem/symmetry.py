@@ -26,13 +26,13 @@ def mirror_signs(vehicle: Vehicle) -> tuple[int, ...] | None:
     """
     rng = np.random.default_rng(0)
     size, count = len(vehicle.state_names), 1 + len(vehicle.input_names)
-    x, u, reference = (rng.normal(size=(PROBES, k)) for k in (size, count, 4))
-    turned = reference * np.array([-1.0, 1.0, -1.0, 1.0])[None, :]  # turn rate, speed and their slopes
+    x, u, reference = (jnp.asarray(rng.normal(size=(PROBES, k))) for k in (size, count, 4))
+    turned = reference * jnp.array([-1.0, 1.0, -1.0, 1.0])[None, :]  # turn rate, speed and their slopes
     rates = np.asarray(_rates(vehicle, x, u, reference))
     may_flip = [(1,), *((1, -1) if box.lower == -box.upper else (1,) for box in vehicle.input_box)]
     for signs in itertools.product((1, -1), repeat=size):
         for inputs in itertools.product(*may_flip):
-            flipped = x * np.array(signs)[None, :], u * np.array(inputs)[None, :]
+            flipped = x * jnp.array(signs, float)[None, :], u * jnp.array(inputs, float)[None, :]
             other = np.asarray(_rates(vehicle, *flipped, turned))
             if np.allclose(other, rates * np.array(signs)[None, :], rtol=TOLERANCE, atol=TOLERANCE):
                 return signs
@@ -41,7 +41,7 @@ def mirror_signs(vehicle: Vehicle) -> tuple[int, ...] | None:
 
 @partial(jax.jit, static_argnames="vehicle")
 def _rates(
-    vehicle: Vehicle, x: Float[np.ndarray, "k n"], u: Float[np.ndarray, "k m"], reference: Float[np.ndarray, "k 4"]
+    vehicle: Vehicle, x: Float[Array, "k n"], u: Float[Array, "k m"], reference: Float[Array, "k 4"]
 ) -> Float[Array, "k n"]:
     rates = deviation_rate(vehicle, tuple(x.T), tuple(u.T), ReferencePoint(*reference.T))
     return jnp.stack([jnp.broadcast_to(rate, (PROBES,)) for rate in rates], axis=-1)

@@ -68,7 +68,14 @@ def save_picture(result: Result, path: Path) -> None:
 def _title(result: Result) -> str:
     margin, found = result.margin_certified, result.margin_falsified
     parts = [f"{result.problem.path.name}, {result.problem.method.value.upper()}"]
-    if result.segments:
+    first = result.problem.path.segments[0]
+    if isinstance(first, Tube):
+        speed, curvature, acceleration = (
+            f"{bounds.lower:.4g}" if not bounds.half else f"{bounds.lower:.4g} to {bounds.upper:.4g}"
+            for bounds in (first.speed, first.curvature, first.acceleration)
+        )
+        parts.append(f"$v_r$ {speed} m/s, $\\kappa$ {curvature} 1/m, $v_r'$ {acceleration} m/s$^2$")
+    elif result.segments:
         parts.append(f"{result.segments[0].funnel.template.name} template")
     parts.append(result.verdict.value)
     if margin is not None:

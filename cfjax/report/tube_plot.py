@@ -25,6 +25,7 @@ from cfjax.result import Result, Rollouts
 
 
 SHOWN_WAY = 60.0  # of one path, in lateral half-widths of the tube: enough to see it turn
+MOST_OUTLINES = 300
 
 
 def draw_tube(figure: Figure, result: Result) -> None:
@@ -49,31 +50,41 @@ def draw_tube(figure: Figure, result: Result) -> None:
 
 
 def _draw_path(axes: Axes, funnel: Funnel, cars: Rollouts) -> None:
-    """The random path of one recorded car, the tube along it, and the car."""
+    """The random path of one recorded car, turned to lie along the panel, the tube along it, and the car."""
     assert cars.reference is not None
-    car = _most_curved(cars)
-    poses, x = cars.reference[:, car], cars.x[:, car]
+    car = _most_winding(cars)
     way = _way(cars)[:, car]
     last = int(np.searchsorted(way, SHOWN_WAY * float(funnel.half_widths()[1]))) + 1
-    poses, x = poses[:last], x[:last]
+    shown = np.unique(np.linspace(0, min(last, len(way)) - 1, MOST_OUTLINES).astype(int))
+    poses, x = cars.reference[shown, car], cars.x[shown, car]
+    centred = poses[:, 1:] - poses[:, 1:].mean(axis=0)[None, :]
+    _, _, axes_of_path = np.linalg.svd(centred, full_matrices=False)
+    # a rotation, not a reflection: left stays left
+    turn = axes_of_path * np.array([[1.0], [np.sign(np.linalg.det(axes_of_path))]])
     outline = ellipse_outline(np.linalg.inv(funnel.shape)[1:3, 1:3])
     turns = rotation(poses[:, 0])
-    outlines = poses[:, None, 1:] + np.einsum("tij,jk->tki", turns, outline)
-    axes.add_collection(PolyCollection(list(outlines), facecolor=EDGE_COLOUR, edgecolor=EDGE_COLOUR, lw=1.2))
-    axes.add_collection(PolyCollection(list(outlines), facecolor=FUNNEL_COLOUR, edgecolor="none"))
-    axes.plot(poses[:, 1], poses[:, 2], color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)), label="a path within the bounds")
-    where = poses[:, 1:] + np.einsum("tij,tj->ti", turns, x[:, 1:3])
-    axes.plot(where[:, 0], where[:, 1], color=CAR_COLOURS[0], lw=0.9, label="a car")
-    axes.plot(*where[0], ".", color=CAR_COLOURS[0], ms=4)
-    axes.set(xlabel="$x$ (m)", ylabel="$y$ (m)")
-    axes.set_aspect("equal")
+    outlines = (poses[:, None, 1:] + np.einsum("tij,jk->tki", turns, outline)) @ turn.T
+    line = poses[:, 1:] @ turn.T
+    where = (poses[:, 1:] + np.einsum("tij,tj->ti", turns, x[:, 1:3])) @ turn.T
+    origin = line[0]
+    axes.add_collection(
+        PolyCollection(list(outlines - origin), facecolor=EDGE_COLOUR, edgecolor=EDGE_COLOUR, lw=1.2)
+    )
+    axes.add_collection(PolyCollection(list(outlines - origin), facecolor=FUNNEL_COLOUR, edgecolor="none"))
+    axes.plot(*(line - origin).T, color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)), label="one of the paths")
+    axes.plot(*(where - origin).T, color=CAR_COLOURS[0], lw=0.9, label="a car")
+    axes.plot(*(where[0] - origin), ".", color=CAR_COLOURS[0], ms=4)
+    axes.set(xlabel="m", ylabel="m")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    axes.legend(fontsize=8, loc="best")
+    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
 
 
-def _most_curved(cars: Rollouts) -> int:
+def _most_winding(cars: Rollouts) -> int:
+    """The path that turns most to and fro: what its heading varies by, less what is left of it in the end."""
     assert cars.reference is not None
-    return int(np.argmax(np.abs(np.diff(cars.reference[..., 0], n=2, axis=0)).sum(axis=0)))
+    heading = cars.reference[:: max(1, len(cars.reference) // 40), :, 0]
+    return int(np.argmax(np.abs(np.diff(heading, axis=0)).sum(axis=0) - np.abs(heading[-1] - heading[0])))
 
 
 def _way(cars: Rollouts) -> Float[np.ndarray, "t k"]:

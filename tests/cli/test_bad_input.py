@@ -11,9 +11,9 @@ from cfjax.conf import preset_names
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 CASES = [
-    ([], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, got none"),
-    (["path.radius=2"], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted"),
-    (["+path=nope"], "path: expected one of circle, straight, straight_long, straight_restricted, got nope"),
+    ([], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, tube, got none"),
+    (["path.radius=2"], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, tube"),
+    (["+path=nope"], "path: expected one of circle, straight, straight_long, straight_restricted, tube, got nope"),
     (["path=circle"], "To append to your default list use +path=circle"),
     (["+path=circle", "path=null"], "Config group override must be a string"),
     (["+path=circle", "+path=straight"], "Multiple values for path"),
@@ -30,6 +30,21 @@ CASES = [
     (["+path=circle", "path.radius=0.1"], "needs w = 3.4, but the vehicle's w lies in [-1, 1]"),
     (["+path=circle", "path.laps=0"], "path.laps: expected a positive finite number, got 0.0"),
     (["+path=straight", "path.length=-2"], "path.length: expected a positive finite number, got -2.0"),
+    (["+path=tube", "path.speed=[2,1]"], "path.speed: expected an interval of finite numbers, the lower one first, got"),
+    (["+path=tube", "path.speed=[-1,2]"], "path.speed: expected an interval above zero, got [-1, 2]"),
+    (["+path=tube", "path.speed=0"], "path.speed: expected an interval above zero, got [0, 0]"),
+    (["+path=tube", "path.speed=fast"], "path.speed: expected a number or an interval [lower, upper], got fast"),
+    (["+path=tube", "path.curvature=[1,2,3]"], "path.curvature: expected a number or an interval [lower, upper]"),
+    (["+path=tube", "path.curvature=nan"], "path.curvature: expected a finite number that is not negative, got nan"),
+    (["+path=tube", "path.curvature=3"], "path.curvature: expected at most 2.941 1/m either way, which is what this"),
+    (["+path=tube", "path.curvature=[0,3]", "vehicle.wheelbase=0.5"], "path.curvature: expected at most 2 1/m"),
+    (["+path=tube", "path.acceleration=[-5,1]"], "path.acceleration: -5 m/s² needs thrust = -5, but the vehicle's"),
+    (["+path=tube", "sets.goal=0.4"], "sets.goal: expected more than sets.inlet, 0.4, in alpha"),
+    (["+path=tube", "path.radius=1"], "path.radius: no such key; expected one of name, kind, speed, curvature"),
+    (["+path=tube", "objective=wide"], "objective: expected one of inlet, margin, width, got wide"),
+    (["+path=tube", "objective=width"], "objective.margin: expected a positive number (1/s) with objective=width"),
+    (["+path=tube", "objective.margin=1"], "objective.margin: expected none with objective=margin, which seeks"),
+    (["+path=tube", "beta_inner=0.95"], "beta_inner: expected a number above 0 and at most beta_lower = 0.9, got 0.95"),
     (["+path=circle", "path.radiu=3"], "path.radiu: no such key; expected one of name, kind, radius, speed, laps"),
     (["+path=circle", "+path.radiu=3"], "path.radiu: no such key; expected one of name, kind, radius, speed, laps"),
     (["+path=circle", "++path.radiu=3"], "path.radiu: no such key"),
@@ -67,7 +82,7 @@ CASES = [
     (["-m", "+path=circle", "path.speed=1,fast"], "path.speed: Value 'fast' of type 'str'"),
     (
         ["-m", "+path=circle,nope"],
-        "path: expected one of circle, straight, straight_long, straight_restricted, got nope",
+        "path: expected one of circle, straight, straight_long, straight_restricted, tube, got nope",
     ),
 ]
 

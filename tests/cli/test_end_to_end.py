@@ -29,7 +29,7 @@ def check(folder: Path) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(line, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("path", preset_names())
+@pytest.mark.parametrize("path", sorted({*preset_names()} - {"tube"}))
 def test_every_preset_ends_certified(command: Command, tmp_path: Path, path: str) -> None:
     run = command(f"+path={path}", "template=paper", "cars=200")
     assert run.returncode == 0, run.stderr
@@ -79,3 +79,46 @@ def test_thin_shell_has_a_tracking_funnel(command: Command, tmp_path: Path) -> N
     assert result["segments"][0]["beta_lower"] == 0.98
     assert result["inputs"]["u0"] == [1.0, 1.0]
     assert result["margin"]["certified"] > 0.06
+
+
+def test_a_tube_ends_certified(command: Command, tmp_path: Path) -> None:
+    """One funnel for every path within bounds: the files say so, the checker too, and there is no reference.csv."""
+    bounds = ["path.speed=[1,2]", "path.curvature=1.8", "sets.inlet=0.15", "sets.goal=0.25", "beta_inner=0.5"]
+    run = command("+path=tube", *bounds, "cars=100")
+    assert run.returncode == 0, run.stderr
+    assert "warning" not in run.stderr
+    folder = folder_of(run, tmp_path)
+    result = json.loads((folder / "result.json").read_text())
+    assert result["verdict"] == "certified"
+    certified, falsified = result["margin"]["certified"], result["margin"]["falsified"]
+    assert 0.97 * falsified <= certified <= falsified
+    (segment,) = result["segments"]
+    assert segment["duration"] is None
+    assert segment["reference"] == {"speed": [1.0, 2.0], "curvature": [-1.8, 1.8], "acceleration": [0.0, 0.0]}
+    assert (segment["rate"], segment["beta_inner"]) == (0.0, 0.5)
+    assert result["margin_per_metre"] == segment["margin_per_metre"] <= certified <= 2 * result["margin_per_metre"]
+    shape = np.array(segment["C"])
+    for width, disturbance, exact, curvature in zip(
+        segment["half_widths"].values(),
+        segment["disturbance"].values(),
+        np.sqrt(np.diag(np.linalg.inv(shape))),
+        np.diag(shape),
+        strict=True,
+    ):
+        assert 0.15 < width < 0.25
+        assert width == pytest.approx(exact, rel=1e-12)
+        assert disturbance == pytest.approx(certified / 2 / np.sqrt(curvature), rel=1e-12)
+    loop = result["closed_loop"]
+    assert (loop["cars"], loop["left_funnel"], loop["left_safe"], loop["missed_goal"]) == (100, 0, 0, 0)
+    assert loop["arrival"] is None
+    assert not (folder / "reference.csv").exists()
+    assert (folder / "funnel.png").stat().st_size > 50_000
+    checked = check(folder)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    assert "along every path" in checked.stdout
+    assert "whose curvature, which may jump, lies in [-1.8, 1.8] 1/m" in checked.stdout
+    assert "inside V <= 0.5 after" in checked.stdout
+    again = read_run(folder)
+    assert again.verdict is Verdict.CERTIFIED
+    assert again.segments[0].margin_per_metre == segment["margin_per_metre"]
+    assert again.segments[0].funnel.inner == 0.5
