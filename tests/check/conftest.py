@@ -1,6 +1,7 @@
 """A certificate that is proven, as the checker reads it."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from cfjax.certificate import certify, dump
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Box, Method, Problem, circle
+from cfjax.problem import Box, Interval, Method, Problem, ball, circle, tube
 
 
 CANDIDATES = json.loads((Path(__file__).parents[1] / "certificate" / "candidates.json").read_text())
@@ -36,6 +37,16 @@ def paper_text() -> str:
 def contracting_text() -> str:
     """The same, template `contracting`: eight cells on two pieces."""
     return build("tt", "contracting")
+
+
+@pytest.fixture(scope="session")
+def tube_text() -> str:
+    """Every path with |κ| ≤ 1.5 1/m, 1 ≤ v ≤ 2 m/s, |a| ≤ 0.5 m/s², trajectory tracking: four references."""
+    shape = np.array([[23.16, -11.77, 0, 0], [-11.77, 36.3, 0, 0], [0, 0, 36.96, 12.5], [0, 0, 12.5, 23.47]])
+    problem = Problem(tube(1.5, Interval(1.0, 2.0), 0.5), inlet=ball(0.15), goal=ball(0.25), method=Method.TT)
+    document = certify(problem, [Funnel(template_named("contracting"), shape, 0.0, math.inf)], workers=2).document
+    assert document is not None
+    return dump(document)
 
 
 @pytest.fixture
