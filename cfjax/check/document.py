@@ -21,6 +21,7 @@ from cfjax.check.tube import TubeClaim
 FORMAT = "cfjax-certificate"
 VERSION = 2
 CLAIMS = ("funnel", "refutation")
+PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
 TEMPLATES = {"paper": "c0", "contracting": "rate"}
 MOST_STATES = 6
 MOST_INPUTS = 4  # u0 among them
@@ -135,18 +136,39 @@ def document_hash(document: Mapping[str, object]) -> str:
 
 
 def read_certificate(document: object, skip_hash: bool = False) -> Certificate:
-    """Typed claims of a parsed file.
+    """Typed claims of a parsed file, with what it has to prove or refute them.
 
     Raises:
         Unreadable: says what was expected where.
         Broken: the hash is not that of the content.
     """
+    problem, funnels, last = _claims(document, skip_hash)
+    if last.where == WITNESS:
+        return Certificate(problem, funnels, (), _witness(last, len(problem.vehicle.states)))
+    hints = tuple(_steady_hints(item, problem) for item in last.items(len(funnels), len(funnels)))
+    return Certificate(problem, funnels, hints, None)
+
+
+def read_claims(document: object) -> tuple[ProblemClaim, tuple[FunnelClaim, ...]]:
+    """What a parsed file of claim `funnel` states, its proofs left aside: for a file that was replayed before.
+
+    Raises:
+        Unreadable: says what was expected where.
+    """
+    problem, funnels, last = _claims(document, skip_hash=True)
+    if last.where == WITNESS:
+        raise Unreadable("claim: expected funnel, got refutation")
+    return problem, funnels
+
+
+def _claims(document: object, skip_hash: bool) -> tuple[ProblemClaim, tuple[FunnelClaim, ...], Item]:
+    """The question, the funnels and the last field: proofs or witness."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise Unreadable(f"not a certificate: expected an object with format {FORMAT}")
     if document.get("version") != VERSION or isinstance(document["version"], bool):
         raise Unreadable(f"this checker reads version {VERSION} of the format")
     claim = Item(document.get("claim"), "claim").choice(*CLAIMS)
-    last = "proofs" if claim == "funnel" else "witness"
+    last = PROOFS if claim == "funnel" else WITNESS
     fields = Item(document, "").record("format", "version", "claim", "hash", "problem", "funnels", last)
     if not skip_hash and fields[3].value != document_hash(document):
         raise Broken("hash: the content has changed since the hash was taken")
@@ -154,10 +176,7 @@ def read_certificate(document: object, skip_hash: bool = False) -> Certificate:
     funnels = tuple(_funnel(item, len(problem.vehicle.states)) for item in fields[5].items(len(problem.segments)))
     if len(funnels) != len(problem.segments):
         raise Unreadable(f"funnels: expected {len(problem.segments)}, one per segment, got {len(funnels)}")
-    if claim == "refutation":
-        return Certificate(problem, funnels, (), _witness(fields[6], len(problem.vehicle.states)))
-    hints = tuple(_steady_hints(item, problem) for item in fields[6].items(len(funnels), len(funnels)))
-    return Certificate(problem, funnels, hints, None)
+    return problem, funnels, fields[6]
 
 
 def _problem(item: Item) -> ProblemClaim:

@@ -6,8 +6,8 @@ from importlib import resources
 from pathlib import Path
 
 from cfjax.check import Outcome, check_document
-from cfjax.check.document import read_certificate
-from cfjax.check.reader import Broken, Unreadable, read_json
+from cfjax.check.document import read_claims
+from cfjax.check.reader import Unreadable, read_json
 from cfjax.check.reference import CertifiedTube
 from cfjax.check.tube import TubeClaim
 from cfjax.errors import InputError
@@ -31,11 +31,11 @@ def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
         path = path / "certificate.json"
     try:
         document = read_json(path)
-        claims = read_certificate(document)
-    except (Unreadable, Broken) as error:
+        problem, (funnel, *_) = read_claims(document)
+    except (Unreadable, ValueError) as error:
         raise InputError(f"{path}: expected the certificate of a tube ({error})") from None
-    tube, funnel = claims.problem.segments[0], claims.funnels[0]
-    if claims.witness is not None or not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
+    tube = problem.segments[0]
+    if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
         raise InputError(f"{path}: expected the certificate of a tube, got one of something else")
     if check and (report := check_document(document)).outcome is not Outcome.PROVEN:
         raise InputError(f"{path}: the certificate does not prove its tube ({report.message})")
@@ -44,9 +44,9 @@ def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
         name = name.removesuffix(suffix)
     return CertifiedTube(
         name=name,
-        vehicle=claims.problem.vehicle.name,
-        parameters=claims.problem.vehicle.parameters,
-        method=claims.problem.method,
+        vehicle=problem.vehicle.name,
+        parameters=problem.vehicle.parameters,
+        method=problem.method,
         curvature=tube.curvature,
         speed=tube.speed,
         acceleration=tube.acceleration,
@@ -55,7 +55,7 @@ def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
         beta_inner=funnel.beta_inner,
         margin=funnel.margin,
         margin_per_metre=funnel.margin_per_metre,
-        inputs=claims.problem.inputs,
+        inputs=problem.inputs,
     )
 
 
