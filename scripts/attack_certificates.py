@@ -3,9 +3,8 @@
     python scripts/attack_certificates.py RUN_OR_CERTIFICATE... [--count 10000] [--candidates 50] [--log attacks.jsonl]
 
 Every attack is made with the hash renewed, so that only the content speaks. A spoiled file that the checker accepts is
-held against the truth by other means than the checker's: the dynamics evaluated in floating point on many points of the
-shell, driven downhill. The log makes the campaign resumable: what stands in it is not tried again. Exit code 0: nothing
-false was accepted and nothing crashed or hung; 1 otherwise.
+held against the truth by other means than the checker's (`certificate_truth`). The log makes the campaign resumable:
+what stands in it is not tried again. Exit code 0: nothing false was accepted and nothing crashed or hung; 1 otherwise.
 """
 
 import argparse
@@ -20,7 +19,18 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from certificate_truth import (
+    METRE,
+    SECOND,
+    TUBE,
+    claim_of,
+    is_true,
+    is_tube,
+    number,
+    segment_of,
+    symmetric,
+    worst_margin,
+)
 
 from cfjax.check import Outcome, Report, check_document
 from cfjax.check.document import document_hash
@@ -32,147 +42,6 @@ Document = dict[str, Any]
 Attack = Callable[[random.Random, Document], "Document | bytes"]
 ODD_RATIONALS = ("1e9", "1/0", "2/4", "-0", "1/-2", "--1", "0x10", "1_0", " 1", "1\n", "\u0661", "NaN", "")
 LONGEST = 60.0  # seconds that any file may take, on a busy machine; the hostile ones take far less
-TOLERANCE = 1e-9  # of the floating-point truth
-
-
-# --- the truth, in floating point ------------------------------------------------------------------------------------
-
-
-def number(text: str) -> float:
-    return float(Fraction(text))
-
-
-def is_true(document: Document, seed: int = 0) -> str:
-    """Empty where nothing against the claim was found; else what is false."""
-    problem, funnel = document["problem"], document["funnels"][0]
-    segment, sets = problem["path"]["segments"][0], problem["sets"]
-    claim = json.dumps([problem, {**funnel, "margin": ""}], sort_keys=True)
-    shape = _symmetric([number(entry) for entry in funnel["shape"]])
-    end, widest = _levels(funnel, number(segment["duration"]))
-    inlet, goal = (np.array([number(a) for a in sets[name]["half_axes"]]) for name in ("inlet", "goal"))
-    if np.linalg.eigvalsh(shape * np.outer(inlet, inlet))[-1] > 1 + TOLERANCE:
-        return "(a)"
-    if np.linalg.eigvalsh(shape * np.outer(goal, goal))[0] < end * (1 - TOLERANCE):
-        return "(b)"
-    reach = np.sqrt(widest * np.diag(np.linalg.inv(shape)))
-    limits = [number(width) for width in sets["safe"]["half_widths"]] if sets["safe"] else [np.inf] * len(reach)
-    limits[0] = min(limits[0], np.pi)
-    if np.any(reach > np.array(limits) * (1 + TOLERANCE)):
-        return "(c)"
-    if problem["vehicle"]["name"] == "kinematic_bicycle" and not _is_bicycle(problem):
-        return "vehicle"
-    if not number(funnel["margin"]) > 0 or not number(problem["inputs"][0]["lower"]) > 0:
-        return "sign"
-    return "(d)" if worst_margin(claim, seed) < number(funnel["margin"]) - TOLERANCE else ""
-
-
-@lru_cache(maxsize=4096)
-def worst_margin(claim: str, seed: int = 0) -> float:
-    """The smallest margin (1/s) found on the shell: samples of it, the worst of them moved downhill."""
-    problem, funnel = json.loads(claim)
-    rng = np.random.default_rng(seed)
-    shape = _symmetric([number(entry) for entry in funnel["shape"]])
-    factor = np.linalg.cholesky(np.linalg.inv(shape))
-    low, high, margins = _margin_function(problem, funnel, shape)
-    size = len(shape)
-
-    def at(points: np.ndarray) -> np.ndarray:
-        directions = points[:, :size] / np.linalg.norm(points[:, :size], axis=1, keepdims=True)
-        q = low + (high - low) * np.clip(points[:, size], 0, 1)
-        return margins(np.sqrt(q)[:, None] * directions @ factor.T, q)
-
-    points = np.column_stack([rng.normal(size=(4096, size)), rng.choice([0.0, 1.0, 0.5], size=4096)])
-    points[:, :size] /= np.linalg.norm(points[:, :size], axis=1, keepdims=True)
-    best = points[np.argsort(at(points))[:48]]
-    for step in np.geomspace(0.3, 1e-5, 60):
-        trials = np.repeat(best, 16, axis=0) + step * rng.normal(size=(len(best) * 16, size + 1))
-        trials = np.concatenate([best, trials])
-        values = at(trials)
-        groups = np.concatenate([np.arange(len(best)), np.repeat(np.arange(len(best)), 16)])
-        order = np.lexsort((values, groups))
-        best = trials[order[np.searchsorted(groups[order], np.arange(len(best)))]]
-        best[:, :size] /= np.linalg.norm(best[:, :size], axis=1, keepdims=True)
-    return float(at(best).min())
-
-
-def _margin_function(problem: Document, funnel: Document, shape: np.ndarray) -> tuple[float, float, Callable]:
-    """Range of q in the shell, and the margin of the best vertex at deviations x (k, n) of form q (k,)."""
-    segment = problem["path"]["segments"][0]
-    rate, duration, inner = number(funnel["rate"]), number(segment["duration"]), number(funnel["beta_lower"])
-    end, widest = _levels(funnel, duration)
-    paper = funnel["template"] == "paper"
-    names = [entry["name"] for entry in problem["inputs"]]
-    corners = np.array(
-        np.meshgrid(*[[number(entry["lower"]), number(entry["upper"])] for entry in problem["inputs"]])
-    ).reshape(len(names), -1)
-
-    def margins(x: np.ndarray, q: np.ndarray) -> np.ndarray:
-        gradient = 2 * x @ shape
-        drop = np.ones_like(q) if paper else np.minimum(q / inner, widest)
-        timing = rate if paper else rate * q
-        rates = [
-            (gradient * evaluate(problem, x, dict(zip(names, corner, strict=True)))).sum(1) + timing * corner[0]
-            for corner in corners.T
-        ]
-        return np.max(-np.stack(rates), axis=0) / drop
-
-    low = inner - max(rate * duration, 0.0) if paper else inner * min(end, 1.0)
-    return low, widest, margins
-
-
-def _levels(funnel: Document, duration: float) -> tuple[float, float]:
-    """ρ(T) and the largest ρ."""
-    exponent = -number(funnel["rate"]) * duration
-    end = 1 + exponent if funnel["template"] == "paper" else float(np.exp(exponent))
-    return end, max(1.0, end)
-
-
-def evaluate(problem: Document, x: np.ndarray, inputs: dict[str, float]) -> np.ndarray:
-    """Rates (k, n) of deviations x (k, n) by the graph in the document."""
-    vehicle, segment = problem["vehicle"], problem["path"]["segments"][0]
-    values = dict(zip(vehicle["states"], x.T, strict=True)) | {f"input:{name}": value for name, value in inputs.items()}
-    for name in ("turn_rate", "speed"):
-        values |= {f"reference:{name}": number(segment[name]["coefficients"][0][0]), f"reference:{name}_slope": 0.0}
-    binary = {"add": np.add, "sub": np.subtract, "mul": np.multiply}
-    unary = {"neg": np.negative, "sin": np.sin, "cos": np.cos, "tan": np.tan, "inv": np.reciprocal}
-    done: list[Any] = []
-    for op, *args in vehicle["dynamics"]["nodes"]:
-        if op == "input":
-            done.append(values[args[0]])
-        elif op == "constant":
-            done.append(number(args[0]))
-        else:
-            done.append((binary | unary)[op](*(done[arg] for arg in args)))
-    return np.stack([np.broadcast_to(done[k], len(x)) for k in vehicle["dynamics"]["outputs"]], axis=1)
-
-
-def _is_bicycle(problem: Document) -> bool:
-    """Whether graph and limits are those of the paper's car with the parameters in the document."""
-    rng, parameters = np.random.default_rng(1), problem["vehicle"]["parameters"]
-    length, w_limit, t_limit = (number(parameters[k]) for k in ("wheelbase", "max_tan_steering", "max_thrust"))
-    segment = problem["path"]["segments"][0]
-    omega, speed = (number(segment[name]["coefficients"][0][0]) for name in ("turn_rate", "speed"))
-    x = rng.normal(size=(64, 4))
-    alpha, px, py, v = x.T
-    for u0, w, thrust in rng.normal(size=(8, 3)):
-        rates = [
-            (v + speed) / length * w - omega * u0,
-            -(v + speed) * np.sin(alpha) + omega * u0 * py,
-            (v + speed) * np.cos(alpha) - speed * u0 - omega * u0 * px,
-            np.full(64, thrust),
-        ]
-        given = evaluate(problem, x, {"u0": u0, "w": w, "thrust": thrust})
-        if not np.allclose(given, np.stack(rates, axis=1), rtol=1e-12, atol=1e-12):
-            return False
-    limits = {entry["name"]: (number(entry["lower"]), number(entry["upper"])) for entry in problem["inputs"]}
-    return all(-most <= limits[k][0] <= limits[k][1] <= most for k, most in (("w", w_limit), ("thrust", t_limit)))
-
-
-def _symmetric(lower: list[float]) -> np.ndarray:
-    size = round((np.sqrt(8 * len(lower) + 1) - 1) / 2)
-    result = np.zeros((size, size))
-    result[np.tril_indices(size)] = lower
-    return result + np.tril(result, -1).T
 
 
 # --- the attacks -----------------------------------------------------------------------------------------------------
@@ -272,14 +141,15 @@ def gram_size(rng: random.Random, document: Document) -> Document:
 
 
 def margin_raised(rng: random.Random, document: Document) -> Document:
-    """λ above the truth by 1e-9 … 1: in the claim, in the cells too, and paid for out of Q₀ where it looks cheap."""
-    funnel, problem = document["funnels"][0], document["problem"]
-    truth = worst_margin(json.dumps([problem, {**funnel, "margin": ""}], sort_keys=True))
-    margin = Fraction(truth) + Fraction(1, 10 ** rng.randint(0, 9))
-    funnel["margin"] = str(margin)
+    """λ or μ above the truth by 1e-9 … 1: in the claim, in the cells too, paid for out of Q₀ where it looks cheap."""
+    funnel, segment = document["funnels"][0], segment_of(document)
+    name = rng.choice(margin_names(document))
+    margin = Fraction(worst_margin(claim_of(document), name)) + Fraction(1, 10 ** rng.randint(0, 9))
+    funnel[name] = str(margin)
+    needed = margin * (Fraction(segment["speed"][1]) if name == METRE else 1)
     depth = rng.choice(["claim", "cells", "constant"])
     for cell in _cells(document) if depth != "claim" else []:
-        more = max(margin, Fraction(cell["margin"])) * (1 + Fraction(rng.choice([0, 1, 100]), 10**6))
+        more = max(needed, Fraction(cell["margin"])) * (1 + Fraction(rng.choice([0, 1, 100]), 10**6))
         if depth == "constant":
             gram = cell["grams"][0]
             gram["lower"][0] -= int((more - Fraction(cell["margin"])) * 2 ** gram["exponent"])
@@ -289,30 +159,76 @@ def margin_raised(rng: random.Random, document: Document) -> Document:
 
 def margin_lowered(rng: random.Random, document: Document) -> Document:
     """True: what was proven proves less, too."""
-    funnel = document["funnels"][0]
-    funnel["margin"] = str(Fraction(funnel["margin"]) * Fraction(rng.randint(1, 999), 1000))
+    funnel, name = document["funnels"][0], rng.choice(margin_names(document))
+    funnel[name] = str(Fraction(funnel[name]) * Fraction(rng.randint(1, 999), 1000))
     return document
+
+
+def margin_names(document: Document) -> list[str]:
+    return [name for name in (SECOND, METRE) if document["funnels"][0][name] is not None]
 
 
 def pattern_left_out(rng: random.Random, document: Document) -> Document:
     """A cell left out, in place of another, or named as another."""
     cells = _cells(document)
     k = rng.randrange(len(cells))
-    kind = rng.choice(["out", "twice", "renamed", "signs", "piece", "half"])
+    kind = rng.choice(["out", "twice", "renamed", "signs", "piece", "half", "reference", "reference"])
     if kind == "out":
         del cells[k]
     elif kind == "twice":
         cells[k] = cells[k - 1]
     elif kind == "renamed":
         other = rng.randrange(len(cells))
-        for name in ("piece", "signs"):
+        for name in ("reference", "piece", "signs"):
             cells[k][name], cells[other][name] = cells[other][name], cells[k][name]
     elif kind == "signs":
         cells[k]["signs"] = [rng.choice([-1, 0, 1]) for _ in cells[k]["signs"]]
     elif kind == "piece":
         cells[k]["piece"] += rng.choice([-1, 1, 7])
+    elif kind == "reference":
+        _references_mixed(rng, document)
     else:
         del cells[len(cells) // 2 :]
+    return document
+
+
+def _references_mixed(rng: random.Random, document: Document) -> None:
+    """A reference without its proof, with another's, or with the signs of another vertex."""
+    cells = _cells(document)
+    one, other = rng.choice(cells)["reference"], rng.choice(cells)["reference"]
+    kind = rng.choice(["out", "swapped", "copied", "signs", "number"])
+    if kind == "copied":
+        copies = [{**cell, "reference": one} for cell in cells if cell["reference"] == other]
+        document["proofs"][0]["cells"] = [cell for cell in cells if cell["reference"] != one] + copies
+    elif kind == "out":
+        document["proofs"][0]["cells"] = [cell for cell in cells if cell["reference"] != one] or cells[:1]
+    for cell in cells:
+        if kind == "swapped":
+            cell["reference"] = {one: other, other: one}.get(cell["reference"], cell["reference"])
+        elif kind == "signs" and cell["reference"] == one:
+            flipped = rng.randrange(len(cell["signs"])) if cell is cells[0] else 0
+            cell["signs"][flipped] *= -1
+        elif kind == "number":
+            cell["reference"] = rng.choice([cell["reference"], cell["reference"] + 1, 7])
+
+
+def mirror_broken(rng: random.Random, document: Document) -> Document:
+    """What makes one end of the curvature speak for both is spoiled, by very little."""
+    segment = segment_of(document)
+    if not is_tube(segment):
+        return inputs_changed(rng, document)
+    tiny = Fraction(rng.choice([-1, 1]), 10 ** rng.randint(1, 40))
+    kind = rng.choice(["shape", "curvature", "one-sided", "steering"])
+    if kind == "shape":  # between alpha, x (odd) and y, v (even)
+        place = rng.choice([3, 4, 6, 7])
+        document["funnels"][0]["shape"][place] = str(Fraction(document["funnels"][0]["shape"][place]) + tiny)
+    elif kind == "steering":
+        limits = document["problem"]["inputs"][1]
+        limits["lower"] = str(Fraction(limits["lower"]) * (1 - abs(tiny)))
+    else:
+        side = rng.randrange(2)
+        by = tiny if kind == "curvature" else -Fraction(segment["curvature"][side]) * Fraction(rng.randint(1, 10), 10)
+        segment["curvature"][side] = str(Fraction(segment["curvature"][side]) + by)
     return document
 
 
@@ -337,7 +253,7 @@ def remainder_lowered(rng: random.Random, document: Document) -> Document:
 def sets_changed(rng: random.Random, document: Document) -> Document:
     """I larger, G or S smaller (false when by much), or the other way round (true)."""
     sets = document["problem"]["sets"]
-    name = rng.choice(["inlet", "goal", "safe"])
+    name = rng.choice([name for name in ("inlet", "goal", "safe") if sets[name]])
     values = sets[name]["half_widths" if name == "safe" else "half_axes"]
     k = rng.randrange(len(values))
     factor = 1 + Fraction(rng.choice([-1, 1]), rng.choice([2, 10, 100, 1000, 10**6, 10**9]))
@@ -385,7 +301,9 @@ def vehicle_changed(rng: random.Random, document: Document) -> Document:
 
 def path_changed(rng: random.Random, document: Document) -> Document:
     """Another speed, turning rate or duration than the proof's."""
-    segment = document["problem"]["path"]["segments"][0]
+    segment = segment_of(document)
+    if is_tube(segment):
+        return bounds_changed(rng, document)
     name = rng.choice(["turn_rate", "speed", "duration"])
     factor = 1 + Fraction(rng.choice([-1, 1]), rng.choice([2, 10, 100, 10**4, 10**8]))
     if name == "duration":
@@ -398,13 +316,36 @@ def path_changed(rng: random.Random, document: Document) -> Document:
     return document
 
 
+def bounds_changed(rng: random.Random, document: Document) -> Document:
+    """A tube's bounds wider (false, where the margin is tight), narrower, turned round or moved."""
+    segment = segment_of(document)
+    name = rng.choice(TUBE)
+    lower, upper = map(Fraction, segment[name])
+    more = Fraction(rng.choice([-1, 1, 1]), rng.choice([1, 2, 10, 100, 10**4, 10**8, 10**20]))
+    kind = rng.choice(["both", "lower", "upper", "moved", "turned", "point"])
+    if kind in ("both", "lower", "moved"):
+        lower += more if kind == "moved" else -more
+    if kind in ("both", "upper", "moved"):
+        upper += more
+    if kind == "turned":
+        lower, upper = -upper, -lower
+    if kind == "point":
+        lower = upper = rng.choice([lower, upper, (lower + upper) / 2])
+    segment[name] = [str(lower), str(upper)]
+    return document
+
+
 def funnel_changed(rng: random.Random, document: Document) -> Document:
     """Another V than the proof's."""
     funnel = document["funnels"][0]
-    kind = rng.choice(["shape", "shape", "scale", "rate", "beta_lower", "template"])
+    kind = rng.choice(["shape", "shape", "scale", "rate", "beta_lower", "beta_inner", "levels", "template"])
     factor = 1 + Fraction(rng.choice([-1, 1]), rng.choice([2, 10, 100, 1000, 10**6, 10**10]))
     if kind == "template":
         funnel["template"] = {"paper": "contracting", "contracting": "paper"}[funnel["template"]]
+    elif kind == "levels":  # the demand moved: from β̲ to β_in, or a deeper shell
+        funnel["beta_lower" if rng.random() < 0.5 else "beta_inner"] = str(Fraction(rng.randint(1, 99), 100))
+    elif kind == "rate" and is_tube(segment_of(document)):
+        funnel["rate"] = str(Fraction(rng.choice([-1, 1]), 10 ** rng.randint(1, 300)))
     elif kind in ("shape", "scale"):
         chosen = [rng.randrange(len(funnel["shape"]))] if kind == "shape" else range(len(funnel["shape"]))
         for k in chosen:
@@ -417,13 +358,18 @@ def funnel_changed(rng: random.Random, document: Document) -> Document:
 def failing_funnel(rng: random.Random, document: Document) -> Document:
     """A funnel whose true margin is at most −1e-7 (… −1e-2), with a margin claimed that is tiny and positive.
 
-    The rate at which it has to shrink is raised until the best margin that the search finds is below zero by that much.
+    What is asked is raised until the best margin that the search finds is below zero by that much: the rate at which
+    the funnel has to shrink, for a tube the curvature.
     """
-    funnel, problem = document["funnels"][0], document["problem"]
+    funnel, segment = document["funnels"][0], segment_of(document)
     below = Fraction(1, 10 ** rng.choice([7, 7, 5, 3, 2]))
-    funnel["rate"] = str(_failing_rate(json.dumps([problem, {**funnel, "margin": ""}], sort_keys=True), below))
+    if is_tube(segment):
+        segment["curvature"] = _with_curvature(segment, _failing_curvature(claim_of(document), below))["curvature"]
+    else:
+        funnel["rate"] = str(_failing_rate(claim_of(document), below))
     margin = Fraction(1, 10 ** rng.randint(8, 12))
-    funnel["margin"] = str(margin)
+    for name in margin_names(document):
+        funnel[name] = str(margin)
     if rng.random() < 0.5:
         for cell in _cells(document):
             cell["margin"] = str(margin * 2)
@@ -435,25 +381,49 @@ def _failing_rate(claim: str, below: Fraction) -> Fraction:
     problem, funnel = json.loads(claim)
     low, high = Fraction(funnel["rate"]), Fraction(funnel["rate"]) + 20
     if funnel["template"] == "paper":
-        high = min(high, Fraction(funnel["beta_lower"]) / Fraction(problem["path"]["segments"][0]["duration"]))
+        high = min(high, Fraction(funnel["beta_inner"]) / Fraction(problem["path"]["segments"][0]["duration"]))
+    return _bisected(low, high, lambda rate: [problem, {**funnel, "rate": str(rate)}], below)
+
+
+@lru_cache(maxsize=64)
+def _failing_curvature(claim: str, below: Fraction) -> Fraction:
+    problem, funnel = json.loads(claim)
+    segment = problem["path"]["segments"][0]
+
+    def curved(upper: Fraction) -> Any:
+        path = {**problem["path"], "segments": [_with_curvature(segment, upper)]}
+        return [{**problem, "path": path}, funnel]
+
+    upper = Fraction(segment["curvature"][1])
+    return _bisected(upper, upper + 10, curved, below)
+
+
+def _with_curvature(segment: Document, upper: Fraction) -> Document:
+    """The tube with that upper end; the lower end is moved along where it mirrors the upper one."""
+    lower, before = map(Fraction, segment["curvature"])
+    return {**segment, "curvature": [str(-upper if lower == -before else lower), str(upper)]}
+
+
+def _bisected(low: Fraction, high: Fraction, claim: Callable[[Fraction], Any], below: Fraction) -> Fraction:
     for _ in range(30):
         middle = ((low + high) / 2).limit_denominator(2**40)
-        found = worst_margin(json.dumps([problem, {**funnel, "rate": str(middle)}], sort_keys=True))
-        low, high = (low, middle) if found < -float(below) else (middle, high)
+        fails = worst_margin(json.dumps(claim(middle), sort_keys=True)) < -float(below)
+        low, high = (low, middle) if fails else (middle, high)
     return high
 
 
 def claim_turned(rng: random.Random, document: Document) -> Document:
     """A refutation made out of a proven funnel: every witness is wrong."""
     del document["proofs"]
-    segment = document["problem"]["path"]["segments"][0]
-    duration, states = Fraction(segment["duration"]), len(document["problem"]["vehicle"]["states"])
+    duration = Fraction(segment_of(document).get("duration", "0"))
+    states = len(document["problem"]["vehicle"]["states"])
     scale = rng.choice([0.1, 0.3, 0.5, 1, 3])
     document |= {
         "claim": "refutation",
         "witness": {
             "condition": rng.choice("abcd"),
             "theta": str(rng.choice([Fraction(0), duration, duration * rng.randint(1, 9) / 10, -duration])),
+            "reference": rng.choice([0, 0, rng.randrange(8), 8]),
             "x": [str(Fraction(round(rng.gauss(0, scale) * 2**20), 2**20)) for _ in range(states)],
         },
     }
@@ -475,6 +445,12 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
     huge = {"node": 1, "function": "sin", "coefficients": ["0"], "lower": "-4", "upper": "4", "bound": str(2**255)}
     sums = [["input", "alpha"], ["input", "v"], ["add", 0, 1]] + [["mul", 2, k] for k in range(2, 21)]
     sums += [["add", k, k] for k in range(21, 399)]
+
+    # functions of long even polynomials, and a drift that no mirror keeps: every pattern of signs looks at all of them
+    mirrors = [["input", "alpha"], ["input", "v"], ["mul", 0, 0], ["mul", 1, 1], ["constant", "1"], ["add", 2, 3]]
+    mirrors += [["add", 4, 5]] + [["mul", k, k] for k in range(6, 10)]
+    for _ in range(28):
+        mirrors += [["cos", len(mirrors) - 1], ["add", len(mirrors) - 1, 4]]
 
     def with_nodes(nodes: list, enclosures: tuple = ()) -> bytes:
         changed = json.loads(text)
@@ -511,6 +487,15 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         lambda: with_nodes(wide),
         lambda: with_nodes(growing, (huge,)),
         lambda: with_nodes(sums),
+        lambda: with_nodes(mirrors),
+        lambda: with_change(lambda d: _cells(d)[0].update(reference=rng.choice([8, -1, 10**9, True, "0"]))),
+        lambda: with_change(lambda d: segment_of(d).update(curvature=rng.choice([["1", "-1"], [], ["0"] * 3, "1"]))),
+        lambda: with_change(lambda d: segment_of(d).update(speed=rng.choice([["0", "1"], ["-2", "-1"], ["1"]]))),
+        lambda: with_change(lambda d: segment_of(d).update(speed=["1", "1" + "0" * 399])),
+        lambda: with_change(lambda d: segment_of(d).update(duration="1", turn_rate="1")),
+        lambda: with_change(lambda d: d["funnels"][0].update(beta_inner=rng.choice(["0", "1", "-1", *ODD_RATIONALS]))),
+        lambda: with_change(lambda d: d["funnels"][0].update(beta_inner="1/1" + "0" * 398)),
+        lambda: with_change(lambda d: d["funnels"][0].update(margin_per_metre=rng.choice([0, "0", "-1", {}, "x"]))),
         lambda: with_change(lambda d: d["proofs"][0].update(cells=_cells(d)[:1] * 1024)),
         lambda: with_change(lambda d: _cells(d)[0]["grams"][0]["lower"].__setitem__(0, 2**65)),
         lambda: with_change(lambda d: d["funnels"][0].update(margin="1" + "0" * 399)),
@@ -565,7 +550,8 @@ ATTACKS: dict[str, tuple[Attack, int]] = {  # with weights
     "sets changed": (sets_changed, 6),
     "inputs changed": (inputs_changed, 4),
     "vehicle changed": (vehicle_changed, 6),
-    "path changed": (path_changed, 4),
+    "path changed": (path_changed, 8),
+    "mirror broken": (mirror_broken, 6),
     "funnel changed": (funnel_changed, 6),
     "failing funnel": (failing_funnel, 4),
     "claim turned": (claim_turned, 3),
@@ -580,33 +566,46 @@ def attack_candidate(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
     """A funnel spoiled before it is proven: what the certifier then certifies has to be true."""
     from cfjax.certificate import certify  # with JAX and a solver, which nothing else here needs
     from cfjax.funnel import Funnel, template_named
-    from cfjax.problem import Box, Ellipsoid, KinematicBicycle, Method, Path, Pose, Problem, Profile, Segment
+    from cfjax.problem import (
+        Box,
+        Ellipsoid,
+        Interval,
+        KinematicBicycle,
+        Method,
+        Path,
+        Pose,
+        Problem,
+        Profile,
+        Segment,
+        Tube,
+    )
 
     rng = random.Random(f"{seed}:candidate:{index}")
     document = json.loads(rng.choice(bases))
-    spoil = rng.choice([failing_funnel, funnel_changed, sets_changed])
+    spoil = rng.choice([failing_funnel, funnel_changed, sets_changed, path_changed])
     spoiled = spoil(rng, document)
-    question, entry, segment = spoiled["problem"], spoiled["funnels"][0], spoiled["problem"]["path"]["segments"][0]
-    duration = number(segment["duration"])
-    omega, speed = (
-        Profile.constant(number(segment[name]["coefficients"][0][0]), duration) for name in ("turn_rate", "speed")
-    )
+    question, entry, segment = spoiled["problem"], spoiled["funnels"][0], segment_of(spoiled)
     sets = question["sets"]
     outcome: dict[str, Any] = {"index": f"candidate {index}", "attack": "candidate"}
     started = time.perf_counter()
     try:
+        if is_tube(segment):
+            steady = Tube(*(Interval(*map(number, segment[name])) for name in TUBE))
+        else:
+            constants = (segment[name]["coefficients"][0][0] for name in ("turn_rate", "speed"))
+            omega, speed = (Profile.constant(number(value), number(segment["duration"])) for value in constants)
+            steady = Segment(omega, speed, Pose(0.0, 0.0, 0.0))
         problem = Problem(
-            path=Path(question["path"]["name"], (Segment(omega, speed, Pose(0.0, 0.0, 0.0)),)),
+            path=Path(question["path"]["name"], (steady,)),
             inlet=Ellipsoid(tuple(number(a) for a in sets["inlet"]["half_axes"])),
             goal=Ellipsoid(tuple(number(a) for a in sets["goal"]["half_axes"])),
             safe=Box(tuple(number(a) for a in sets["safe"]["half_widths"])) if sets["safe"] else None,
             vehicle=KinematicBicycle(**{k: number(v) for k, v in question["vehicle"]["parameters"].items()}),
             method=Method(question["method"]),
         )
-        shape = _symmetric([number(value) for value in entry["shape"]])
-        funnel = Funnel(
-            template_named(entry["template"]), shape, number(entry["rate"]), duration, number(entry["beta_lower"])
-        )
+        shape = symmetric([number(value) for value in entry["shape"]])
+        rate, *levels = (number(entry[name]) for name in ("rate", "beta_lower", "beta_inner"))
+        funnel = Funnel(template_named(entry["template"]), shape, rate, steady.duration, *levels)
         found = certify(problem, [funnel], workers=2)
     except ValueError as error:  # the question itself is refused: sets that exclude each other, C not definite
         return {**outcome, "outcome": "BROKEN", "message": str(error)[:300]}
@@ -662,10 +661,12 @@ def attack(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
 
 
 def _same_or_weaker(document: Document, base: Document) -> bool:
-    """Whether the file claims what the base did, with a margin that is not larger."""
+    """Whether the file claims what the base did, with margins that are not larger."""
+    names = margin_names(base)
     given, before = document["funnels"][0], base["funnels"][0]
-    same = document["problem"] == base["problem"] and {**given, "margin": ""} == {**before, "margin": ""}
-    return same and 0 < Fraction(given["margin"]) <= Fraction(before["margin"])
+    return claim_of(document) == claim_of(base) and all(
+        given[name] is not None and 0 < Fraction(given[name]) <= Fraction(before[name]) for name in names
+    )
 
 
 def table(entries: list[dict[str, Any]]) -> str:

@@ -1,11 +1,13 @@
 """A short version of the campaign in `scripts/attack_certificates.py`: every attack, a few times."""
 
-import importlib.util
+import importlib
 import json
 import random
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -14,18 +16,15 @@ from cfjax.check import Outcome
 
 @pytest.fixture(scope="module")
 def campaign() -> ModuleType:
-    path = Path(__file__).parents[2] / "scripts" / "attack_certificates.py"
-    spec = importlib.util.spec_from_file_location("attack_certificates", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2] / "scripts"))
+        return importlib.import_module("attack_certificates")
 
 
-def test_nothing_false_is_accepted(campaign: ModuleType, paper_text: str, contracting_text: str) -> None:
-    entries = [campaign.attack(index, 1, [paper_text, contracting_text]) for index in range(200)]
+def test_nothing_false_is_accepted(
+    campaign: ModuleType, paper_text: str, contracting_text: str, tube_text: str
+) -> None:
+    entries = [campaign.attack(index, 1, [paper_text, contracting_text, tube_text]) for index in range(200)]
     assert campaign.failures(entries) == []
     assert {entry["attack"] for entry in entries} == set(campaign.ATTACKS)
     assert sum(entry["outcome"] == "true, accepted" for entry in entries) > 5  # the truth is told apart
@@ -50,12 +49,40 @@ def test_the_truth_sees_what_is_false(campaign: ModuleType, paper_text: str) -> 
     spoiled = json.loads(paper_text)
     spoiled["problem"]["vehicle"]["parameters"]["wheelbase"] = "1/3"
     assert campaign.is_true(spoiled) == "vehicle"
+    spoiled = json.loads(paper_text)
+    spoiled["funnels"][0]["margin_per_metre"] = "1/9"
+    assert campaign.is_true(spoiled) == "kind"
 
 
-def test_hostile_files_are_refused_quickly(campaign: ModuleType, paper_text: str) -> None:
+def test_the_truth_sees_what_is_false_of_a_tube(campaign: ModuleType, tube_text: str) -> None:
+    """Shell and references are searched: each claim that is wrong at some reference alone is found to be."""
+
+    def judged(place: str, **changes: Any) -> str:
+        spoiled = json.loads(tube_text)
+        {"funnel": spoiled["funnels"][0], "bounds": campaign.segment_of(spoiled)}[place].update(changes)
+        return campaign.is_true(spoiled)
+
+    assert judged("funnel") == ""
+    assert judged("bounds", curvature=["-1", "1"]) == judged("bounds", speed=["3/2", "3/2"]) == ""
+    assert judged("bounds", curvature=["-3/2", "3"]) == "(d)"
+    assert judged("bounds", curvature=["-3", "3/2"]) == "(d)"
+    assert judged("bounds", acceleration=["-5", "1/2"]) == "(d)"
+    assert judged("bounds", acceleration=["-1/2", "5"]) == "(d)"
+    assert judged("bounds", speed=["1/2", "2"]) == "(d)"
+    assert judged("funnel", margin="1") == judged("funnel", margin_per_metre="1/2") == "(d)"
+    assert judged("funnel", margin="0") == "sign"
+    assert judged("funnel", rate="1/100000") == judged("funnel", margin_per_metre=None) == "kind"
+    rng = random.Random(0)
+    for name in ("margin raised", "failing funnel"):
+        assert campaign.is_true(campaign.ATTACKS[name][0](rng, json.loads(tube_text))) == "(d)"
+
+
+def test_hostile_files_are_refused_quickly(campaign: ModuleType, paper_text: str, tube_text: str) -> None:
     for index in range(40):
-        content = campaign.hostile_file(random.Random(index), json.loads(paper_text))
+        content = campaign.hostile_file(random.Random(index), json.loads((paper_text, tube_text)[index % 2]))
+        started = time.perf_counter()
         report, _ = campaign.judge(content)
+        assert time.perf_counter() - started < campaign.LONGEST
         assert report.outcome in (Outcome.BROKEN, Outcome.UNREADABLE)
         assert report.message.isprintable()
         assert len(report.message) < 400
