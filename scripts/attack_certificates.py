@@ -1,6 +1,6 @@
 """The adversary of the checker: thousands of spoiled certificates, none of which may be accepted for something false.
 
-    python scripts/attack_certificates.py RUN_OR_CERTIFICATE... [--count 10000] [--candidates 50] [--log attacks.jsonl]
+    python scripts/attack_certificates.py RUN_OR_CERTIFICATE... [--count 10000] [--candidates 50]
 
 Every attack is made with the hash renewed, so that only the content speaks. A spoiled file that the checker accepts is
 held against the truth by other means than the checker's (`certificate_truth`). The log makes the campaign resumable:
@@ -15,7 +15,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -633,10 +633,10 @@ def judge(content: bytes) -> tuple[Report, Any]:
     return check_document(document), document
 
 
-def attack(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
+def attack(index: int, seed: int, bases: list[str], only: str | None = None) -> dict[str, Any]:
     """The attack of that number: always the same one. Says what was tried and what came of it."""
     rng = random.Random(f"{seed}:{index}")
-    name = rng.choices(list(ATTACKS), [weight for _, weight in ATTACKS.values()])[0]
+    name = only or rng.choices(list(ATTACKS), [weight for _, weight in ATTACKS.values()])[0]
     base = rng.choice(bases)
     spoiled = ATTACKS[name][0](rng, json.loads(base))
     content = spoiled if isinstance(spoiled, bytes) else renewed(spoiled)
@@ -647,7 +647,7 @@ def attack(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
     except Exception as error:  # nothing may escape the checker
         return {**entry, "outcome": "CRASHED", "message": repr(error)[:300]}
     seconds = time.perf_counter() - started
-    entry |= {"outcome": report.outcome.name, "seconds": round(seconds, 3), "message": report.message[:300]}
+    entry |= {"outcome": report.outcome.name, "seconds": round(seconds, 3), "message": report.message[:400]}
     if "\n" in report.message or not report.message.isprintable():
         entry["outcome"] = "CRASHED"
     if seconds > LONGEST:
@@ -706,6 +706,7 @@ def main() -> int:
     parser.add_argument("certificates", nargs="+", type=Path, metavar="RUN_OR_CERTIFICATE")
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--candidates", type=int, default=0, help="funnels spoiled before their proof")
+    parser.add_argument("--only", choices=ATTACKS, help="this kind of attack")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--log", type=Path, default=Path("attacks.jsonl"))
     options = parser.parse_args()
@@ -719,7 +720,7 @@ def main() -> int:
     entries = [json.loads(line) for line in lines if line.endswith("}")]
     done = {entry["index"] for entry in entries}
     with options.log.open("a") as log:
-        jobs = [(attack, k, k) for k in range(options.count)]
+        jobs = [(partial(attack, only=options.only), k, k) for k in range(options.count)]
         jobs += [(attack_candidate, k, f"candidate {k}") for k in range(options.candidates)]
         for make, index, name in jobs:
             if name in done:
