@@ -75,8 +75,9 @@ FASTEST = (1.0, 2.0, 4.0, 8.0, 16.0, 10 * math.pi)  # m/s, from 1 m/s
 
 def cases() -> list[Case]:
     found = []
+    headline = "every speed from 1 to 10π m/s"
     for method, before in (("pf", 0.87), ("tt", None)):
-        found.append(Case("every speed from 1 to 10π m/s", 1.8, (1.0, 10 * math.pi), 1.0, 0.15, 0.25, True, method, before))
+        found.append(Case(headline, 1.8, (1.0, 10 * math.pi), 1.0, 0.15, 0.25, True, method, before))
     for v, kappa, inlet, goal, *before in TRIALS:
         for everywhere in (True, False):
             for method, margin in zip(("pf", "tt"), before, strict=True):

@@ -3,7 +3,8 @@
 
     python scripts/make_tubes.py [--folder cfjax/tubes/library] [--only NAME …]
 
-Run again after an interruption: a file that proves the tube asked for is not made again. Exit 1 if one could not be made.
+Run again after an interruption: a file that proves the tube asked for is not made again. Exit 1 if one could not be
+made.
 """
 
 import argparse

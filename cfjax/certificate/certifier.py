@@ -232,9 +232,7 @@ def _extremes(
 ) -> list[Extreme]:
     if isinstance(segment, Segment):
         point = segment.point(0.0)
-        return SegmentClaim(
-            rounded.duration, rational(float(point.turn_rate)), rational(float(point.speed))
-        ).extremes()
+        return SegmentClaim(rounded.duration, rational(float(point.turn_rate)), rational(float(point.speed))).extremes()
     dynamics = symbolic(graph, problem.vehicle.state_names, tuple(box))
     require_tube_structure(dynamics)
     bounds = (
@@ -294,7 +292,8 @@ def _certify_segment(
             shown = f"only {decimal_text(proven)} is proven" if proof else "its rounding is not proven"
             raise _NotProven(
                 verdict,
-                f"condition (d), {_named(questions, index, cell)}: margin {solution.margin:.6g} ({solution.status}), {shown}",
+                f"condition (d), {_named(questions, index, cell)}: margin {solution.margin:.6g} ({solution.status}), "
+                f"{shown}",
                 numerical,
                 _suspects(decrease, solved),
             )

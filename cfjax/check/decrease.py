@@ -5,8 +5,8 @@ V̇ ≤ −λ on the shell" reads (`cfjax.funnel.template`)
 
     for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ drop(q).
 
-Along a tube it has to hold at several references (`cfjax.check.tube`), for some of them with the same input at the same y:
-these share the s_i below, which are then those of their nominal reference.
+Along a tube it has to hold at several references (`cfjax.check.tube`), for some of them with the same input at the same
+y: these share the s_i below, which are then those of their nominal reference.
 
 The shell is cut at the q where `drop` has its kink, and each piece into the cells of one sign pattern of the
 polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
@@ -68,9 +68,7 @@ class Extreme(NamedTuple):
     profile: Mapping[str, fmpq]
 
 
-def steady_pieces(
-    template: str, rate: fmpq, duration: fmpq, beta_lower: fmpq, beta_inner: fmpq
-) -> list[LevelPiece]:
+def steady_pieces(template: str, rate: fmpq, duration: fmpq, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
     """The shell β_in ≤ V ≤ 1 of a steady segment, θ eliminated: ranges of q that cover it; β_in ≤ β̲.
 
     Raises:

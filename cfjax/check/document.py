@@ -83,7 +83,7 @@ class ProblemClaim:
 
 @dataclass(frozen=True)
 class FunnelClaim:
-    """V of a template on one segment, β = 1, and the margin λ (1/s) that is claimed for it; for a tube, per metre too."""
+    """V of a template on one segment, β = 1, and the margin λ (1/s) claimed for it; of a tube, per metre too."""
 
     template: str
     shape: Matrix
@@ -110,7 +110,7 @@ class SteadyHints:
 
 @dataclass(frozen=True)
 class Witness:
-    """A deviation x at θ (s) at which a candidate violates a condition, one of a, b, c, d; of a tube, at a reference."""
+    """A deviation x at θ (s) at which a candidate violates a condition (a, b, c or d); of a tube, at a reference."""
 
     condition: str
     theta: fmpq

@@ -15,6 +15,7 @@ from flint import fmpq
 
 
 LARGEST_FILE = 8 * 2**20  # bytes; a circle's certificate takes about 0.2 MB
+UNPACKING_MEMORY = 80 << 20  # of an .xz file: its strongest preset asks for 65 MB
 LONGEST_NUMBER = 400  # decimal digits of a numerator or denominator
 LONGEST_TEXT = 64
 RATIONAL = re.compile(r"-?[0-9]+(/[0-9]+)?")
@@ -118,11 +119,15 @@ def read_json(path: Path) -> object:
             raise Unreadable(f"no such file: {path}")
         if path.stat().st_size > LARGEST_FILE:
             raise Unreadable(f"the file has more than {LARGEST_FILE >> 20} MB")
-        with lzma.open(path) if path.suffix == ".xz" else path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)  # no more of it, however much it would unpack to
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if path.suffix == ".xz":
+            content = lzma.LZMADecompressor(memlimit=UNPACKING_MEMORY).decompress(content, LARGEST_FILE + 1)
         return parse_json(content)
     except (lzma.LZMAError, EOFError):
         raise Unreadable(f"cannot unpack {path}") from None
+    except MemoryError:
+        raise Unreadable(f"{path} asks for more memory than there is") from None
     except OSError as error:
         raise Unreadable(f"cannot read {path}: {error.strerror or type(error).__name__}") from None
 

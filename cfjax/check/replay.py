@@ -88,8 +88,11 @@ def _proven(certificate: Certificate) -> Report:
     margins = tuple(funnel.margin for funnel in certificate.funnels)
     first = problem.segments[0]
     if isinstance(first, TubeClaim):
-        message = _tube_message(certificate, first, vehicle)
-        return Report(Outcome.PROVEN, message, margins, margin_per_metre=certificate.funnels[0].margin_per_metre)
+        funnel = certificate.funnels[0]
+        assert funnel.margin_per_metre is not None  # `_extremes` asked for it
+        way = problem.inputs["u0"][1] * contraction_way(funnel.beta_lower, funnel.beta_inner) / funnel.margin_per_metre
+        message = _tube_message(problem, funnel, first, vehicle, way)
+        return Report(Outcome.PROVEN, message, margins, margin_per_metre=funnel.margin_per_metre, contraction=way)
     duration = sum((segment.duration for segment in problem.segments), fmpq(0))
     slowest, fastest = problem.inputs["u0"]
     arrival = duration / fastest, duration / slowest
@@ -104,11 +107,10 @@ def _proven(certificate: Certificate) -> Report:
     return Report(Outcome.PROVEN, message, margins, arrival)
 
 
-def _tube_message(certificate: Certificate, tube: TubeClaim, vehicle: str) -> str:
-    problem, funnel = certificate.problem, certificate.funnels[0]
-    assert funnel.margin_per_metre is not None
+def _tube_message(problem: ProblemClaim, funnel: FunnelClaim, tube: TubeClaim, vehicle: str, way: fmpq) -> str:
+    """`way` is the length of path after which V ≤ 1 has become V ≤ β_in."""
     widths = ", ".join(decimal_text(width, ROUND_CEILING) for width in half_widths(funnel.shape))
-    way = problem.inputs["u0"][1] * contraction_way(funnel.beta_lower, funnel.beta_inner) / funnel.margin_per_metre
+    per_metre = fmpq(0) if funnel.margin_per_metre is None else funnel.margin_per_metre
     comes_down = (
         f" A car that enters at V = 1 is inside V <= {decimal_text(funnel.beta_inner, ROUND_CEILING)} after "
         f"{decimal_text(way, ROUND_CEILING)} m of the path at the latest."
@@ -120,11 +122,10 @@ def _tube_message(certificate: Certificate, tube: TubeClaim, vehicle: str) -> st
         f"{_interval(tube.acceleration)} m/s^2. "
         f"{_sets(problem, ROUND_FLOOR, ROUND_CEILING)} From every start in I, anywhere along the path, inputs "
         f"{_inputs(problem, ROUND_FLOOR, ROUND_CEILING)} suffice to keep the car in the tube V <= 1 "
-        f"({_funnels(certificate, ROUND_CEILING)}, half-widths ({widths})), inside G and inside "
+        f"(shell from {decimal_text(funnel.beta_lower, ROUND_CEILING)}, half-widths ({widths})), inside G and inside "
         f"{_safe(problem, ROUND_CEILING)}, for ever; "
         f"V decreases there with margin lambda = {decimal_text(funnel.margin, ROUND_FLOOR)} 1/s and "
-        f"{decimal_text(funnel.margin_per_metre, ROUND_FLOOR)} per metre of the reference at u0 = 1, or more."
-        + comes_down
+        f"{decimal_text(per_metre, ROUND_FLOOR)} per metre of the reference at u0 = 1, or more." + comes_down
     )
 
 

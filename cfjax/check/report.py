@@ -19,7 +19,8 @@ class Outcome(enum.Enum):
 class Report:
     """Outcome and message (one paragraph); for a proven funnel λ per segment (1/s) and when the car arrives (s).
 
-    A tube has no arrival, but a margin per metre of the reference (1/m).
+    A tube has no arrival, but a margin per metre of the reference (1/m) and a way of the reference (m) after which a
+    car that enters at V = 1 is inside V ≤ β_in.
     """
 
     outcome: Outcome
@@ -27,3 +28,4 @@ class Report:
     margins: tuple[fmpq, ...] = ()
     arrival: tuple[fmpq, fmpq] | None = None  # earliest, latest
     margin_per_metre: fmpq | None = None
+    contraction: fmpq | None = None

@@ -14,7 +14,6 @@ from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
 
 
-
 @dataclass(frozen=True)
 class KnownVehicle:
     """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate.

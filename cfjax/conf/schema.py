@@ -116,7 +116,7 @@ class SetsConfig:
 
 @dataclass
 class ObjectiveConfig:
-    """`margin`: the largest λ; `width`, `inlet`: the narrowest funnel, or the largest I, that has the margin asked for."""
+    """`margin`: the largest λ; `width`, `inlet`: the narrowest funnel, or the largest I, that has the margin."""
 
     kind: str = "margin"  # or width, inlet
     margin: float | None = None  # 1/s

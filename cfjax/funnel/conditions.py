@@ -37,10 +37,10 @@ class Unit(enum.Enum):
 
 
 class Instance(NamedTuple):
-    """The numbers of one problem on one steady segment or tube, as a pytree: one compiled program serves all of them.
+    """The numbers of one problem on one steady segment or tube, as a pytree: one compiled program serves all.
 
-    `references` are the extreme references, arrays (groups, members), `nominal` the one of each group, arrays (groups,),
-    at which signs are read; margins are divided by `unit` (groups, members). Groups of one member have none else.
+    `references` are the extreme references, arrays (groups, members), `nominal` the one of each group, arrays
+    (groups,), at which signs are read; margins are divided by `unit` (groups, members).
 
     Where a tube is its own mirror image, so is V: `coupling` is then zero between states of unlike parity, and the
     upper end of the curvature speaks for both.
@@ -70,23 +70,23 @@ def instance_of(
     unit: Unit = Unit.SECOND,
 ) -> Instance:
     """The numbers that the conditions need; `beta_inner` is beta_lower unless given."""
-    endless = isinstance(segment, Tube)
+    tube = segment if isinstance(segment, Tube) else None
     references, nominal = np.array(segment.references(), float), np.array(segment.nominal(), float)
-    mirror = mirror_signs(problem.vehicle) if endless and segment.curvature.middle == 0 else None
-    if mirror:
-        half = len(references) // 2 if segment.curvature.half else 0  # of the groups: the upper end of the curvature
+    mirror = mirror_signs(problem.vehicle) if tube and tube.curvature.middle == 0 else None
+    if tube and mirror:
+        half = len(references) // 2 if tube.curvature.half else 0  # of the groups: the upper end of the curvature
         references, nominal = references[half:], nominal[half:]
     parity = np.array(mirror or (1,) * problem.dimension)
     speed = references[..., 1]
     may_grow = all(start < end for start, end in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))
     safe = np.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension)
     safe[0] = min(safe[0], np.pi)
-    bounds = (0.0, 0.0) if endless else template.change_bounds(beta_lower, may_grow)
+    bounds = (0.0, 0.0) if tube else template.change_bounds(beta_lower, may_grow)
     return Instance(
         references=ReferencePoint(*np.moveaxis(references, -1, 0)),
         nominal=ReferencePoint(*nominal.T),
         unit=(speed if unit is Unit.METRE else speed / speed.min()) ** unit.value,
-        duration=np.float64(1.0 if endless else segment.duration),
+        duration=np.float64(1.0 if tube else segment.duration),
         beta_lower=np.float64(beta_lower),
         beta_inner=np.float64(beta_lower if beta_inner is None else beta_inner),
         input_middle=np.array([interval.middle for interval in problem.inputs]),

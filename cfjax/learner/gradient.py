@@ -54,7 +54,8 @@ def learn(
     """The funnel of the largest falsified margin; None where no candidate satisfies (a)–(c).
 
     Path following starts from the solution of trajectory tracking too (unless `tracking` is false), so that it is never
-    behind it. `warm` is a funnel to start from, `counterexamples` are deviations x that the particles of every candidate start from.
+    behind it. `warm` is a funnel to start from, `counterexamples` are deviations x that the particles of every
+    candidate start from.
     """
     instance = instance_of(problem, segment, template, beta_lower, beta_inner, Unit.BALANCED)
     rng = np.random.default_rng(seed)
@@ -98,7 +99,8 @@ def learn(
             particles = _merge(rng, pools, (outcome.margins, found.margins), ridges)
         report(passes - ROUNDS + k + 1, passes)
 
-    funnels = [funnel for i in range(candidates) if (funnel := _inside(template, instance, segment, beta_inner, factor[i], change[i]))]
+    moved = (_inside(template, instance, segment, beta_inner, factor[i], change[i]) for i in range(candidates))
+    funnels = [funnel for funnel in moved if funnel]
     # the starts compete too: annealing may lose what they had (never so far, but PF ≥ TT must not hang on it)
     funnels += [funnel for funnel in first if _excess_of(instance, funnel) < 0]
     if not funnels:

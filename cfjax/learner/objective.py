@@ -39,14 +39,14 @@ def learn_for(
     """
     report = progress or (lambda done, of: None)
     steps = 0 if target is None else STEPS
-    first = learn(
-        problem, segment, template, progress=lambda done, of: report(done, of + steps), **options
-    )
+    first = learn(problem, segment, template, progress=lambda done, of: report(done, of + steps), **options)
     if target is None or first is None or first.margin < target:
         return problem, first
     options = {name: value for name, value in options.items() if name not in ("warm", "counterexamples")}
-    widest = _lateral(first)
-    low, high = (problem.inlet.half_axes[LATERAL], widest) if objective.kind == "width" else (1.0, _most(problem, segment))
+    if objective.kind == "width":
+        low, high = problem.inlet.half_axes[LATERAL], _lateral(first)
+    else:
+        low, high = 1.0, _most(problem, segment)
     best = problem, first
     for step in range(STEPS):
         if high / low < CLOSE:
@@ -81,7 +81,7 @@ def _widened(problem: Problem, scale: float) -> Problem:
 
 
 def _most(problem: Problem, segment: Segment | Tube) -> float:
-    """A scale of I at which the question is no longer one: I would reach G (of a tube), S or the wrap of the heading."""
+    """A scale of I at which it is no question any more: I would reach G (of a tube), S or the wrap of the heading."""
     inlet = np.array(problem.inlet.half_axes)
     limits = [np.array(problem.safe.half_widths) / inlet] if problem.safe else []
     if isinstance(segment, Tube):

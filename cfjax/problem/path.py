@@ -131,6 +131,17 @@ class Path:
         if len(self.segments) > 1 and any(isinstance(segment, Tube) for segment in self.segments):
             raise InputError(f"path {self.name}: expected a tube alone, it has no end to which another could join")
 
+    @property
+    def curve(self) -> tuple[Segment, ...]:
+        """The segments of a path that has a course; none for a tube."""
+        return tuple(segment for segment in self.segments if isinstance(segment, Segment))
+
+    @property
+    def tube(self) -> Tube | None:
+        """The tube, where the path is one: every path within its bounds."""
+        first = self.segments[0]
+        return first if isinstance(first, Tube) else None
+
 
 def _positive(owner: str, **values: float) -> None:
     for label, value in values.items():

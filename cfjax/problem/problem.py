@@ -122,8 +122,8 @@ class Problem:
                 if excess := self._excess(point):
                     largest = self._largest_curvature(point)
                     raise InputError(
-                        f"path.curvature: expected at most {largest:.4g} 1/m either way, which is what this vehicle's inputs "
-                        f"allow; {point.turn_rate / point.speed:g} 1/m needs {excess}"
+                        f"path.curvature: expected at most {largest:.4g} 1/m either way, which is what this vehicle's "
+                        f"inputs allow; {point.turn_rate / point.speed:g} 1/m needs {excess}"
                     )
 
     def _excess(self, point: ReferencePoint) -> str:

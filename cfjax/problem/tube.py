@@ -61,4 +61,3 @@ class Tube:
 
 def _ends(interval: Interval) -> list[float]:
     return sorted({interval.lower, interval.upper})
-

@@ -39,9 +39,9 @@ def paper_found(problem: Problem, preset: Problem) -> bool | None:
     """
     if any(getattr(problem, part) != getattr(preset, part) for part in ("inlet", "goal", "safe", "vehicle")):
         return None
-    if len(problem.path.segments) != 1 or not problem.path.segments[0].is_steady:
+    if len(problem.path.curve) != 1 or not problem.path.curve[0].is_steady:
         return None
-    (segment,), (original,) = problem.path.segments, preset.path.segments
+    (segment,), (original,) = problem.path.curve, preset.path.curve
     speed, usual = segment.point(0.0).speed, original.point(0.0).speed
     same_curvature = math.isclose(
         segment.point(0.0).turn_rate / speed, original.point(0.0).turn_rate / usual, rel_tol=SAME

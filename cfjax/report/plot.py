@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cfjax.funnel import Funnel
-from cfjax.problem import Segment, Tube
+from cfjax.problem import Segment
 from cfjax.report.style import (
     CAR_COLOURS,
     EDGE_COLOUR,
@@ -31,6 +31,7 @@ from cfjax.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
 
 def shadows(funnel: Funnel, segment: Segment, theta: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 96 2"]:
     """Outlines (m, inertial frame) of the funnel's shadow on the x–y plane at each θ: ellipses."""
@@ -52,7 +53,7 @@ def positions(segment: Segment, theta: Float[np.ndarray, "t k"], x: Float[np.nda
 
 def save_picture(result: Result, path: Path) -> None:
     """Write funnel.png: every segment's funnel, or a tube, and the cars that were driven through it."""
-    tube = isinstance(result.problem.path.segments[0], Tube)
+    tube = result.problem.path.tube
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.2, 6.4 if tube and result.rollouts else 3.9), layout="constrained", dpi=160)
         if tube and result.segments:
@@ -68,11 +69,10 @@ def save_picture(result: Result, path: Path) -> None:
 def _title(result: Result) -> str:
     margin, found = result.margin_certified, result.margin_falsified
     parts = [f"{result.problem.path.name}, {result.problem.method.value.upper()}"]
-    first = result.problem.path.segments[0]
-    if isinstance(first, Tube):
+    if tube := result.problem.path.tube:
         speed, curvature, acceleration = (
             f"{bounds.lower:.4g}" if not bounds.half else f"{bounds.lower:.4g} to {bounds.upper:.4g}"
-            for bounds in (first.speed, first.curvature, first.acceleration)
+            for bounds in (tube.speed, tube.curvature, tube.acceleration)
         )
         parts.append(f"$v_r$ {speed} m/s, $\\kappa$ {curvature} 1/m, $v_r'$ {acceleration} m/s$^2$")
     elif result.segments:
@@ -86,7 +86,7 @@ def _title(result: Result) -> str:
 
 
 def _draw_plane(axes: "Axes", result: Result) -> None:
-    for index, (segment, found) in enumerate(zip(result.problem.path.segments, result.segments, strict=False)):
+    for index, (segment, found) in enumerate(zip(result.problem.path.curve, result.segments, strict=False)):
         theta = np.linspace(0.0, segment.duration, 400)
         outlines = shadows(found.funnel, segment, theta)
         axes.add_collection(PolyCollection(list(outlines), facecolor=EDGE_COLOUR, edgecolor=EDGE_COLOUR, lw=1.2))

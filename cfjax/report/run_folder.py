@@ -74,7 +74,7 @@ def write_run(
     result = _write_certificate(result, folder / CERTIFICATE, check)
     if result.document is not None:
         result = _with_seconds(result, "check", time.perf_counter() - begin)
-    if not any(isinstance(segment, Tube) for segment in result.problem.path.segments):  # a tube is no curve
+    if result.problem.path.curve:  # a tube has none
         write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
     write_whole(folder / CONFIG, config_yaml.encode())
     try:
@@ -122,9 +122,12 @@ def _with_margins(result: Result, report: Report) -> Result:
     """The margins that the checker proved, rounded down."""
     segments = zip(result.segments, report.margins, strict=True)
     per_metre = None if report.margin_per_metre is None else _rounded_down(report.margin_per_metre)
+    way = None if report.contraction is None else -_rounded_down(-report.contraction)
     return result.replace(
         segments=tuple(
-            dataclasses.replace(segment, margin_certified=_rounded_down(margin), margin_per_metre=per_metre)
+            dataclasses.replace(
+                segment, margin_certified=_rounded_down(margin), margin_per_metre=per_metre, contraction=way
+            )
             for segment, margin in segments
         )
     )
@@ -137,7 +140,8 @@ def _rounded_down(number: fmpq) -> float:
 
 
 def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
-    segments = tuple(dataclasses.replace(segment, margin_certified=None, margin_per_metre=None) for segment in result.segments)
+    nothing = {"margin_certified": None, "margin_per_metre": None, "contraction": None}
+    segments = tuple(dataclasses.replace(segment, **nothing) for segment in result.segments)
     return result.replace(verdict=verdict, message=message, segments=segments, document=None)
 
 
@@ -170,7 +174,7 @@ def reference_csv(problem: Problem) -> str:
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(["segment", "theta", "alpha", "x", "y", "v", "omega"])
-    for index, segment in enumerate(problem.path.segments):
+    for index, segment in enumerate(problem.path.curve):
         theta = np.linspace(0.0, segment.duration, REFERENCE_ROWS)
         profile = [segment.speed.polynomial(theta), segment.turn_rate.polynomial(theta)]
         for row in np.column_stack([theta, segment.poses(theta), *profile]):
@@ -240,6 +244,7 @@ def _segment_json(problem: Problem, segment: Segment | Tube, found: SegmentResul
         content["disturbance"] = {name: float(bound) for name, bound in zip(states, absorbed, strict=True)}
     if isinstance(segment, Tube):
         content["margin_per_metre"] = _number(found.margin_per_metre)
+        content["contraction"] = {"level": float(funnel.inner), "metres": _number(found.contraction)}
         content["reference"] = {
             "speed": [segment.speed.lower, segment.speed.upper],
             "curvature": [segment.curvature.lower, segment.curvature.upper],
@@ -262,14 +267,12 @@ def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
 
 
 def _margin_per_metre(result: Result) -> float | None:
-    """Smallest certified margin per metre of a tube, or λ over the largest speed of its segment, 1/m."""
+    """That of a tube, or the smallest certified λ over the largest speed of its segment, 1/m."""
+    if result.problem.path.tube:
+        return result.segments[0].margin_per_metre if result.segments else None
     margins = [
-        found.margin_per_metre
-        if isinstance(segment, Tube)
-        else None
-        if found.margin_certified is None
-        else found.margin_certified / _top_speed(segment)
-        for segment, found in zip(result.problem.path.segments, result.segments, strict=False)
+        None if found.margin_certified is None else found.margin_certified / _top_speed(segment)
+        for segment, found in zip(result.problem.path.curve, result.segments, strict=False)
     ]
     return None if not margins or None in margins else min(m for m in margins if m is not None)
 
@@ -341,6 +344,7 @@ def _segment_of(data: dict[str, Any]) -> SegmentResult:
         margin_falsified=math.nan if falsified is None else falsified,
         margin_certified=data["margin_certified"],
         margin_per_metre=data.get("margin_per_metre"),
+        contraction=data.get("contraction", {}).get("metres"),
     )
 
 

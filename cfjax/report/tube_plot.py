@@ -1,5 +1,7 @@
 """The picture of a tube: its sections with I and G, one of the paths it is proven for, and V along the way of cars."""
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -9,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
 from cfjax.funnel import Funnel
-from cfjax.problem import Ellipsoid, Problem, Tube
+from cfjax.problem import Ellipsoid, Problem
 from cfjax.report.style import (
     CAR_COLOURS,
     EDGE_COLOUR,
@@ -30,16 +32,13 @@ MOST_OUTLINES = 300
 
 def draw_tube(figure: Figure, result: Result) -> None:
     """All panels; without rollouts only the sections."""
-    tube, found = result.problem.path.segments[0], result.segments[0]
-    assert isinstance(tube, Tube)
-    cars = result.rollouts[0] if result.rollouts else None
-    rows = figure.subfigures(2, 1, height_ratios=[1.15, 1]) if cars else [None, figure.subfigures(1, 1)]
-    if cars is not None and rows[0] is not None:
-        plane, values = rows[0].subplots(1, 2, width_ratios=[1.5, 1])
+    found, cars = result.segments[0], result.rollouts[0] if result.rollouts else None
+    rows: Any = figure.subfigures(2 if cars else 1, 1, squeeze=False, height_ratios=[1.15, 1] if cars else None)
+    if cars is not None:
+        plane, values = rows[0, 0].subplots(1, 2, width_ratios=[1.5, 1])
         _draw_path(plane, found.funnel, cars)
         _draw_values(values, found.funnel, cars)
-    below = rows[1]
-    assert below is not None
+    below = rows[-1, 0]
     _draw_sections(below.subplots(1, 3), result.problem, found.funnel)
     handles = [
         Line2D([], [], color=EDGE_COLOUR, lw=1.4, label="tube $V = 1$"),
@@ -67,9 +66,7 @@ def _draw_path(axes: Axes, funnel: Funnel, cars: Rollouts) -> None:
     line = poses[:, 1:] @ turn.T
     where = (poses[:, 1:] + np.einsum("tij,tj->ti", turns, x[:, 1:3])) @ turn.T
     origin = line[0]
-    axes.add_collection(
-        PolyCollection(list(outlines - origin), facecolor=EDGE_COLOUR, edgecolor=EDGE_COLOUR, lw=1.2)
-    )
+    axes.add_collection(PolyCollection(list(outlines - origin), facecolor=EDGE_COLOUR, edgecolor=EDGE_COLOUR, lw=1.2))
     axes.add_collection(PolyCollection(list(outlines - origin), facecolor=FUNNEL_COLOUR, edgecolor="none"))
     axes.plot(*(line - origin).T, color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)), label="one of the paths")
     axes.plot(*(where - origin).T, color=CAR_COLOURS[0], lw=0.9, label="a car")

@@ -164,13 +164,14 @@ def follow(
 
 
 def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Following:
-    segments = [segment for segment in path.segments if isinstance(segment, Segment)]
-    if len(segments) != len(path.segments):
+    if path.tube:
         raise InputError(f"path {path.name}: expected segments, got a tube: it has no course to follow")
-    stated = [_stated(segment) for segment in segments]
+    stated = [_stated(segment) for segment in path.curve]
     reference = _cut(exact_reference(stated))
     pieces = reference.pieces
-    holds = np.array([[piece.inside(tube) for piece in pieces] for tube in tubes])
+    bounds = {(tube.curvature, tube.speed, tube.acceleration): tube for tube in tubes}  # widths share them
+    inside = {key: [piece.inside(tube) for piece in pieces] for key, tube in bounds.items()}
+    holds = np.array([inside[tube.curvature, tube.speed, tube.acceleration] for tube in tubes])
     outside = np.flatnonzero(~holds.any(axis=0))
     if outside.size:
         raise ValueError(_outside([pieces[index] for index in outside], tubes))

@@ -83,6 +83,4 @@ def for_vehicle(tube: CertifiedTube, vehicle: Vehicle) -> CertifiedTube | None:
 
 def _root_below(value: fmpq) -> fmpq:
     """A short rational whose square is at most the value, to about seven digits."""
-    scale = 4**BITS
-    root = fmpq(((value.p * scale) // value.q).isqrt(), 2**BITS)
-    return root
+    return fmpq(((value.p * 4**BITS) // value.q).isqrt(), 2**BITS)

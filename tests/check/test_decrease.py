@@ -26,7 +26,9 @@ def question(template: str, method: str, rate: float = 0.09) -> tuple[SteadyDecr
 
 
 @pytest.mark.parametrize("template", ["paper", "contracting"])
-@pytest.mark.parametrize(("rate", "inner"), [(0.12, 0.9), (0.02, 0.9), (0.0, 0.9), (-0.05, 0.9), (0.02, 0.3), (0.0, 0.1)])
+@pytest.mark.parametrize(
+    ("rate", "inner"), [(0.12, 0.9), (0.02, 0.9), (0.0, 0.9), (-0.05, 0.9), (0.02, 0.3), (0.0, 0.1)]
+)
 def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: float, inner: float) -> None:
     """At every θ and q some piece holds q, its drop is at least min(1, V/β̲)/σ(θ), its timing is ∂V/∂θ / σ."""
     duration, lower = 6.0, 0.9
@@ -42,7 +44,10 @@ def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: flo
             within = [p for p in pieces if float(p.lower) - 1e-9 <= q <= float(p.upper) + 1e-9]
             assert within
             for piece in within:
-                assert float(piece.drop[0] + piece.drop[1] * fmpq(round(q * 10**9), 10**9)) >= min(1, value / lower) / sigma - 1e-8
+                assert (
+                    float(piece.drop[0] + piece.drop[1] * fmpq(round(q * 10**9), 10**9))
+                    >= min(1, value / lower) / sigma - 1e-8
+                )
                 timing = float(piece.timing[0]) + float(piece.timing[1]) * q
                 assert timing == pytest.approx(float(funnel.template.timing(rate, q)), abs=1e-9)
                 assert 0 < float(piece.least_drop) <= float(piece.drop[0]) + float(piece.drop[1]) * q + 1e-9

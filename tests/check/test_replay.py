@@ -145,7 +145,8 @@ def claim(document: dict[str, Any], change: str) -> dict[str, Any]:
 
 SPOILED = [
     *("margin", "inlet", "goal", "safe", "pattern", "gram", "remainder", "enclosure", "range", "steering", "timing"),
-    *("standstill", "wheelbase", "graph", "speed", "rate", "shape", "beta_lower", "beta_inner", "whitening", "cells swapped"),
+    *("standstill", "wheelbase", "graph", "speed", "rate", "shape", "beta_lower", "beta_inner", "whitening"),
+    "cells swapped",
 ]
 
 

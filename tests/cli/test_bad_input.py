@@ -11,8 +11,11 @@ from cfjax.conf import preset_names
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 CASES = [
-    ([], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, tube, got none"),
-    (["path.radius=2"], "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, tube"),
+    ([], f"path: expected +path=NAME with one of {', '.join(preset_names())}, got none"),
+    (
+        ["path.radius=2"],
+        "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, tube",
+    ),
     (["+path=nope"], "path: expected one of circle, straight, straight_long, straight_restricted, tube, got nope"),
     (["path=circle"], "To append to your default list use +path=circle"),
     (["+path=circle", "path=null"], "Config group override must be a string"),
@@ -30,7 +33,7 @@ CASES = [
     (["+path=circle", "path.radius=0.1"], "needs w = 3.4, but the vehicle's w lies in [-1, 1]"),
     (["+path=circle", "path.laps=0"], "path.laps: expected a positive finite number, got 0.0"),
     (["+path=straight", "path.length=-2"], "path.length: expected a positive finite number, got -2.0"),
-    (["+path=tube", "path.speed=[2,1]"], "path.speed: expected an interval of finite numbers, the lower one first, got"),
+    (["+path=tube", "path.speed=[2,1]"], "path.speed: expected an interval of finite numbers, the lower one first"),
     (["+path=tube", "path.speed=[-1,2]"], "path.speed: expected an interval above zero, got [-1, 2]"),
     (["+path=tube", "path.speed=0"], "path.speed: expected an interval above zero, got [0, 0]"),
     (["+path=tube", "path.speed=fast"], "path.speed: expected a number or an interval [lower, upper], got fast"),
@@ -118,4 +121,4 @@ def test_through_the_real_command(arguments: list[str], message: str, command: C
 
 
 def test_list_of_paths_is_the_presets() -> None:
-    assert preset_names() == ["circle", "straight", "straight_long", "straight_restricted"]
+    assert preset_names() == ["circle", "straight", "straight_long", "straight_restricted", "tube"]

@@ -97,6 +97,8 @@ def test_a_tube_ends_certified(command: Command, tmp_path: Path) -> None:
     assert segment["reference"] == {"speed": [1.0, 2.0], "curvature": [-1.8, 1.8], "acceleration": [0.0, 0.0]}
     assert (segment["rate"], segment["beta_inner"]) == (0.0, 0.5)
     assert result["margin_per_metre"] == segment["margin_per_metre"] <= certified <= 2 * result["margin_per_metre"]
+    metres = 2 * (0.1 + 0.9 * np.log(0.9 / 0.5)) / segment["margin_per_metre"]  # u0 = 2 is the longest way
+    assert segment["contraction"] == {"level": 0.5, "metres": pytest.approx(metres, rel=1e-9)}
     shape = np.array(segment["C"])
     for width, disturbance, exact, curvature in zip(
         segment["half_widths"].values(),

@@ -74,4 +74,5 @@ def test_tracking_fixes_the_timing_input() -> None:
 
 def test_feedforward_holds_the_reference() -> None:
     problem = Problem(circle(radius=2.0, speed=3.0), safe=S)
-    np.testing.assert_allclose(problem.feedforward(problem.path.segments[0].point(0.0)), [1.0, 0.34 / 2.0, 0.0], atol=1e-12)
+    inputs = problem.feedforward(problem.path.segments[0].point(0.0))
+    np.testing.assert_allclose(inputs, [1.0, 0.34 / 2.0, 0.0], atol=1e-12)

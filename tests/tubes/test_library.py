@@ -1,6 +1,7 @@
-"""The tubes that travel with the package: each proven, for other cars by exact arguments, and what a path gets of them."""
+"""The tubes that travel with the package: each proven, served to other cars by exact arguments, and to paths."""
 
 import json
+import lzma
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,7 +95,15 @@ def test_reading_a_tube(document: dict, tmp_path: Path, proven: CertifiedTube) -
     with pytest.raises(InputError, match="hash"):
         read_tube(run)
     (tmp_path / "no.json.xz").write_bytes(b"not packed")
-    for name, words in (("no.json.xz", "cannot unpack"), ("gone.json", "no such file")):
+    huge = [{"id": lzma.FILTER_LZMA2, "preset": 6, "dict_size": 1 << 30}]
+    (tmp_path / "greedy.json.xz").write_bytes(lzma.compress(b"[]", filters=huge))
+    (tmp_path / "bomb.json.xz").write_bytes(lzma.compress(b" " * (32 << 20)))
+    for name, words in (
+        ("no.json.xz", "cannot unpack"),
+        ("greedy.json.xz", "cannot unpack"),
+        ("bomb.json.xz", "more than 8 MB"),
+        ("gone.json", "no such file"),
+    ):
         with pytest.raises(InputError, match=words):
             read_tube(tmp_path / name)
 
