@@ -91,9 +91,8 @@ def _thetas_in_shell(funnel: Funnel, duration: float, form: float) -> list[float
         return [0.0]
 
     def reaching(level: float) -> float:
-        """θ ∈ [0, T] at which V is nearest to the level; V is monotone in θ."""
-        distance = level - form if funnel.template.name == "paper" else math.log(level / form)
-        return min(max(distance / funnel.rate, 0.0), duration)
+        """θ ∈ [0, T] at which V is nearest to the level."""
+        return min(max(funnel.template.reaching(funnel.rate, form, level), 0.0), duration)
 
     inner, outer = reaching(funnel.beta_lower), reaching(1.0)
     return [inner + depth * (outer - inner) for depth in (0.0, *DEPTHS)]

@@ -21,6 +21,7 @@ The functions work on floats, JAX arrays and exact numbers alike where no expone
 """
 
 import abc
+import math
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -66,6 +67,14 @@ class Template(abc.ABC):
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
         """Range of rate · duration that a learner may use; below zero the funnel grows."""
 
+    @abc.abstractmethod
+    def first_change(self, share: Scalar) -> Scalar:
+        """A rate · duration to start from, for a share in [0, 1] of what is usual."""
+
+    @abc.abstractmethod
+    def reaching(self, rate: Scalar, q: Scalar, level: Scalar) -> Scalar:
+        """The θ at which V = level for a deviation with form q; V is monotone in θ."""
+
 
 class Paper(Template):
     """V = xᵀ C x + c0 θ, the paper's own."""
@@ -96,6 +105,12 @@ class Paper(Template):
         # c0 T has to stay below β̲, or the shell would hold x = 0, where V̇ = c0 u0 > 0
         return (-2.0 if may_grow else LEAST_CHANGE), beta_lower - 0.02
 
+    def first_change(self, share: Scalar) -> Scalar:
+        return 0.2 + 0.6 * share
+
+    def reaching(self, rate: Scalar, q: Scalar, level: Scalar) -> Scalar:
+        return (level - q) / rate
+
 
 class Contracting(Template):
     """V = e^{kθ} xᵀ C x: the level sets shrink at a relative rate, so the last and smallest need not outrun it."""
@@ -124,6 +139,12 @@ class Contracting(Template):
 
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
         return (-2.0 if may_grow else LEAST_CHANGE), 20.0
+
+    def first_change(self, share: Scalar) -> Scalar:
+        return 0.3 * (4.0 / 0.3) ** share
+
+    def reaching(self, rate: Scalar, q: Scalar, level: Scalar) -> Scalar:
+        return math.log(level / q) / rate
 
 
 TEMPLATES: dict[str, Template] = {template.name: template for template in (Contracting(), Paper())}

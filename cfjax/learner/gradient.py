@@ -115,11 +115,7 @@ def _starts(
     """Random candidates: axes log-uniform between I and what G and S allow at the end, mildly rotated."""
     size = len(instance.inlet)
     low, high = (float(bound) for bound in instance.change_bounds)
-    if template.name == "paper":
-        change = rng.uniform(0.2, 0.8, count)
-    else:
-        change = np.exp(rng.uniform(np.log(0.3), np.log(4.0), count))
-    change = np.clip(change, low, high)
+    change = np.clip(template.first_change(rng.uniform(size=count)), low, high)
     end = np.asarray(template.level(change, 1.0))[:, None]
     wide = np.maximum(np.minimum(instance.goal / np.sqrt(end), instance.safe) / instance.inlet, 1.05)
     turn, _ = np.linalg.qr(np.eye(size) + 0.3 * rng.normal(size=(count, size, size)))
