@@ -3,7 +3,7 @@
     python experiments/tube_frontier.py [--output FOLDER] [--speeds 1 2 5] [--curvatures 0.5 1.8]
 
 Each point is the largest margin found for tubes whose lateral half-width is at most the given one, exactly certified; I
-is a ball of a third of that width, G asks for the position only, within 0.6 m. Writes tube_frontier.csv, .md and .png.
+is a ball of 0.1, G asks for the position only, within 0.6 m. Writes tube_frontier.csv, .md and .png.
 Points that stand in the CSV already are not computed again.
 """
 
@@ -21,8 +21,8 @@ from cfjax.report.lines import markdown, write_lines
 from cfjax.report.style import CAR_COLOURS, STYLE
 
 
-WIDTHS = (0.05, 0.08, 0.12, 0.18, 0.27, 0.4, 0.55)  # m
-INLET_SHARE = 1 / 3
+WIDTHS = (0.102, 0.108, 0.12, 0.14, 0.17, 0.22, 0.3)  # m
+INLET = 0.1
 GOAL = Ellipsoid((3.0, 0.6, 0.6, 20.0))
 NO_LIMIT = 100.0
 
@@ -41,7 +41,7 @@ class Point:
 def measure(method: str, speed: float, curvature: float, width: float) -> Point:
     problem = Problem(
         tube(curvature, speed),
-        inlet=ball(INLET_SHARE * width),
+        inlet=ball(INLET),
         goal=GOAL,
         safe=Box((3.1, width, NO_LIMIT, NO_LIMIT)),
         method=Method(method),
@@ -103,8 +103,6 @@ def draw(points: list[Point], path: Path) -> None:
             axes.set(
                 title=rf"$|\kappa| \leq {curvature:g}$ 1/m",
                 xlabel=r"proven margin per metre, $\lambda / v_r$ (1/m)",
-                xscale="log",
-                yscale="log",
             )
         panels[0].set_ylabel("lateral half-width of the tube (m)")
         panels[-1].legend(fontsize=8)

@@ -188,7 +188,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
     earliest = sum((duration / fast for (_, fast), duration in times), fmpq(0))
     latest = sum((duration / slow for (slow, _), duration in times), fmpq(0))
     return Following(
-        path=_certified_path(path.name, segments, stated, reference),
+        path=_certified_path(path.name, path.curve, stated, reference),
         reference=reference,
         tubes=_stretches(pieces, runs),
         links=tuple(
