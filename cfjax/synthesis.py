@@ -6,7 +6,7 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -75,8 +75,7 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
         result = result.replace(closed_loop=loop, rollouts=(cars,))
         progress("simulate", 1, 1)
     except Exception as error:
-        reason = traceback.format_exception_only(error)[0].splitlines()[0]  # XLA's go on for pages
-        print(f"warning: the cars were not driven ({reason}); the proof stands", file=sys.stderr)
+        print(f"warning: the cars were not driven ({_reason(error)}); the proof stands", file=sys.stderr)
     spent = time.perf_counter() - started
     return result.replace(
         seconds={**result.seconds, "simulate": spent, "total": result.seconds.get("total", 0.0) + spent}
@@ -87,11 +86,21 @@ def _silent(stage: str, done: int, of: int) -> None:
     pass
 
 
+@dataclass
+class _Aim:
+    """What a round starts from: the margin wanted of the learner (1/s; None for the largest), and the last round's."""
+
+    target: float | None
+    warm: Funnel | None = None
+    suspects: Float[np.ndarray, "k n"] | None = None
+
+
 class _Search:
     """The learn–certify loop of one problem, with its clock and its history."""
 
     def __init__(self, problem: Problem, options: Options, progress: Progress) -> None:
-        self.problem, self.options, self.progress = problem, options, progress
+        self.asked, self.options, self.progress = problem, options, progress
+        self.problem = problem  # objective=inlet enlarges I: what is proven may ask for more than was asked
         self.template = template_named(options.template)
         self.seconds = {"learn": 0.0, "certify": 0.0}
         self.history: list[dict[str, float]] = []
@@ -105,22 +114,20 @@ class _Search:
             self.seconds[stage] += time.perf_counter() - start
 
     def run(self) -> Result:
-        segment = self.problem.path.segments[0]
+        """Rounds of learning and proving; a round that fails does not lose what an earlier one has proven."""
+        wanted = self.options.objective.margin
         best: Result | None = None
-        asked = self.problem
-        target = self.options.objective.margin
-        warm: Funnel | None = None
-        suspects: Float[np.ndarray, "k n"] | None = None
+        aim = _Aim(wanted)
         for round_ in range(self.options.rounds):
-            self.problem, learned = self._learn(asked, target, segment, round_, warm, suspects)
-            if learned is None:
-                result = self._result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)")
-            elif learned.margin <= 0:
-                message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
-                result = self._result(Verdict.INCONCLUSIVE, message, learned.funnel, learned.margin)
-            else:
-                result, suspects = self._certify(segment, learned)
-                warm = learned.funnel
+            try:
+                result = self._round(round_, aim)
+            except Exception as error:
+                if best is None or best.verdict is not Verdict.CERTIFIED:
+                    raise
+                print(
+                    f"warning: round {round_ + 1} failed ({_reason(error)}); an earlier proof stands", file=sys.stderr
+                )
+                break
             before = 0.0 if best is None else best.margin_certified or 0.0
             best = result if best is None else max(best, result, key=self._rank)
             certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
@@ -128,44 +135,47 @@ class _Search:
                 {
                     "falsified": falsified,
                     "certified": certified,
-                    "counterexamples": 0 if suspects is None else len(suspects),
+                    "counterexamples": 0 if aim.suspects is None else len(aim.suspects),
                 }
             )
-            if target is not None:
-                if certified >= (self.options.objective.margin or 0.0):
-                    break
-                if certified:  # the proof fell short of what the learner aimed at: aim as much higher
-                    target *= 1.001 * (self.options.objective.margin or 0.0) / certified
-            elif certified and certified >= GOOD_SHARE * falsified:
+            if certified >= (GOOD_SHARE * falsified if wanted is None else wanted) and certified:
                 break
             if certified < LEAST_GAIN * before:  # as long as nothing is proven, every round is worth its time
                 break
+            if aim.target is not None and wanted is not None and certified:
+                if falsified < aim.target:  # out of reach: this was the largest margin
+                    break
+                aim.target *= 1.001 * wanted / certified  # the proof fell short of what the learner aimed at
         assert best is not None
         return best.replace(iterations=len(self.history), history=tuple(self.history))
 
-    def _learn(
-        self,
-        asked: Problem,
-        target: float | None,
-        segment: Segment | Tube,
-        round_: int,
-        warm: Funnel | None,
-        suspects: Float[np.ndarray, "k n"] | None,
-    ) -> tuple[Problem, Learned | None]:
+    def _round(self, round_: int, aim: "_Aim") -> Result:
+        segment = self.asked.path.segments[0]
+        self.problem, learned = self._learn(segment, round_, aim)
+        if learned is None:
+            return self._result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)")
+        if learned.margin <= 0:
+            message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
+            return self._result(Verdict.INCONCLUSIVE, message, learned.funnel, learned.margin)
+        result, aim.suspects = self._certify(segment, learned)
+        aim.warm = learned.funnel
+        return result
+
+    def _learn(self, segment: Segment | Tube, round_: int, aim: "_Aim") -> tuple[Problem, Learned | None]:
         """The best funnel for the objective, and the problem that it solves."""
         with self.timed("learn"):
             return learn_for(
                 self.options.objective,
-                target,
-                asked,
+                aim.target,
+                self.asked,
                 segment,
                 self.template,
                 beta_lower=self.options.beta_lower,
                 beta_inner=self.options.beta_inner,
                 candidates=self.options.restarts,
                 seed=self.options.seed + 1000 * round_,
-                warm=warm,
-                counterexamples=suspects,
+                warm=aim.warm,
+                counterexamples=aim.suspects,
                 progress=lambda done, of: self.progress("learn", done, of),
             )
 
@@ -205,6 +215,11 @@ class _Search:
         certified, found = result.margin_certified or 0.0, result.segments[0]
         ranked = self.options.objective.rank(result.problem, found.funnel, certified)
         return (*ranked, found.margin_falsified)
+
+
+def _reason(error: Exception) -> str:
+    """One line: XLA's messages go on for pages."""
+    return traceback.format_exception_only(error)[0].splitlines()[0]
 
 
 def _cores() -> int:

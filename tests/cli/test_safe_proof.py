@@ -162,8 +162,31 @@ def test_rounds_end_with_the_gain(
         return Result(verdict, "made by hand", problem, (replace(segment, margin_falsified=1.0),)), None
 
     learned = Learned(hand_made(problem).segments[0].funnel, 1.0, -1.0, (1.0,), 1)
-    monkeypatch.setattr(cfjax.synthesis._Search, "_learn", lambda *_: learned)
+    monkeypatch.setattr(cfjax.synthesis._Search, "_learn", lambda *_: (problem, learned))
     monkeypatch.setattr(cfjax.synthesis._Search, "_certify", next_round)
     result = search(problem, options_of(preset("circle", ["rounds=4"])))
     assert result.iterations == rounds
     assert result.margin_certified == max((m for m in certified[:rounds] if m), default=None)
+
+
+def test_a_round_that_breaks_does_not_lose_an_earlier_proof(
+    monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result], capfd: pytest.CaptureFixture[str]
+) -> None:
+    problem = problem_of(preset("circle"))
+    (segment,) = hand_made(problem, margin=0.5).segments
+    proven = Result(Verdict.CERTIFIED, "made by hand", problem, (replace(segment, margin_falsified=1.0),))
+    rounds = iter([proven, MemoryError("too much")])
+
+    def next_round(*_: object) -> Result:
+        given = next(rounds)
+        if isinstance(given, Exception):
+            raise given
+        return given
+
+    monkeypatch.setattr(cfjax.synthesis._Search, "_round", next_round)
+    result = search(problem, options_of(preset("circle")))
+    assert (result.verdict, result.margin_certified, result.iterations) == (Verdict.CERTIFIED, 0.5, 1)
+    assert "warning: round 2 failed (MemoryError: too much); an earlier proof stands" in capfd.readouterr().err
+    with pytest.raises(MemoryError):  # nothing to save
+        monkeypatch.setattr(cfjax.synthesis._Search, "_round", Breaks(MemoryError()))
+        search(problem, options_of(preset("circle")))
