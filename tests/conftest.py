@@ -32,8 +32,9 @@ def hand_made() -> Callable[..., Result]:
 
     def make(problem: Problem, template: str = "contracting", margin: float | None = None, **changes: object) -> Result:
         shape = np.diag([6.0, 5.0, 4.5, 7.0]) + 0.1
+        rate = 0.0 if problem.path.tube else 0.01
         segments = tuple(
-            SegmentResult(Funnel(template_named(template), shape, 0.01, s.duration, 0.9), 1 / 3, margin)
+            SegmentResult(Funnel(template_named(template), shape, rate, s.duration, 0.9), 1 / 3, margin)
             for s in problem.path.segments
         )
         return Result(

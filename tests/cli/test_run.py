@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,11 @@ import pytest
 import cfjax.report.plot
 import cfjax.synthesis
 import cfjax.train
-from cfjax.problem import Problem
-from cfjax.report.run_folder import read_run
+from cfjax.conf import preset, problem_of, yaml_of
+from cfjax.funnel import Objective
+from cfjax.problem import Problem, ball
+from cfjax.report.run_folder import read_run, write_run
+from cfjax.result import Result
 from cfjax.verdict import Verdict
 
 
@@ -192,3 +196,35 @@ def test_interrupt_of_a_real_process(tmp_path: Path) -> None:
         _, error = process.communicate(timeout=60)
     assert (process.returncode, error) == (130, "interrupted\n")
     assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra"}
+
+
+def test_summary_says_whether_the_objective_was_reached(hand_made: Callable[..., Result]) -> None:
+    problem = problem_of(preset("circle"))
+    certified = hand_made(problem, margin=0.3, verdict=Verdict.CERTIFIED)
+    assert "objective" not in cfjax.train.summary(certified, Objective())
+    said = cfjax.train.summary(certified, Objective("width", 0.4))
+    assert "objective.margin: 0.4 1/s was not reached; this is the largest margin that was found" in said
+    said = cfjax.train.summary(certified, Objective("inlet", 0.2))
+    assert "inlet 0.5 in alpha; funnel's half-widths alpha 0.4" in said
+
+
+def test_an_unproven_tube_is_written_and_read(
+    train: Callable[..., int], quick: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("+path=tube") == 1
+    folder = Path(capfd.readouterr().out.splitlines()[-1].removeprefix("run: "))
+    assert not (folder / "reference.csv").exists() and not (folder / "certificate.json").exists()
+    (segment,) = json.loads((folder / "result.json").read_text())["segments"]
+    assert segment["duration"] is None and segment["margin_per_metre"] is None
+    assert segment["contraction"] == {"level": 0.9, "metres": None}
+    again = read_run(folder)
+    assert again.segments[0].funnel.duration == float("inf")
+    assert again.margin_certified is None
+
+
+def test_inlet_that_was_enlarged_is_read_back(tmp_path: Path, hand_made: Callable[..., Result]) -> None:
+    config = preset("circle", ["objective=inlet", "objective.margin=0.1"])
+    problem = problem_of(config)
+    wide = replace(problem, inlet=ball(0.55))
+    write_run(hand_made(wide), tmp_path / "run", yaml_of(config))
+    assert read_run(tmp_path / "run").problem == wide
