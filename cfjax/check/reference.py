@@ -7,7 +7,8 @@ holds too. A reference is piecewise polynomial in ω_r(θ) and v_r(θ), and over
 * speed is continuous because constant terms are set so, pose and heading because they are the integrals;
 * a bound such as κ ≤ κ_hi is the polynomial inequality κ_hi v_r − ω_r ≥ 0 on the piece: by Bernstein coefficients,
   which enclose the polynomial, and where they leave it open by the roots of its part without squares;
-* the reference moves by ds = u0 v_r dt with u0 ≤ u0_hi, so dV/ds ≤ −(μ/u0_hi) min(1, V/β̲), which is integrated;
+* the reference moves by ds = u0 v_r dt with u0 ≤ u0_hi, and the run-time law asks for 0.95 of the certified decrease:
+  dV/ds ≤ −(0.95 μ/u0_hi) min(1, V/β̲), which is integrated;
 * {V₁ ≤ level} ⊂ {V₂ < 1} is the matrix inequality level C₂ ≺ C₁.
 
 Frames and units: θ in s, lengths in m, headings in rad; the body frame has x lateral and y forward, and at heading α
@@ -37,6 +38,7 @@ LARGEST_SPEED_GAP = fmpq(1, 10**9)  # m/s: rounding of a spline's coefficients
 SERIES_ORDER = 9  # of Taylor's remainder; python-flint's series have ten terms unless its global cap is raised
 REMAINDER = fmpq(1, 10**10)  # m: a stretch is halved until its Taylor remainder is below; gaps are told to 1e-6 m
 MOST_HALVINGS = 40
+LAW_SHARE = fmpq(19, 20)  # of the certified decrease: what the run-time law (`cfjax.control`) asks for
 STEEPEST_EXPONENT = fmpq(64)  # levels below e^−64 are not told apart
 UNITS = {"curvature": "1/m", "speed": "m/s", "acceleration": "m/s²"}
 
@@ -98,8 +100,8 @@ class CertifiedTube:
 
     @cached_property
     def metres(self) -> fmpq:
-        """u0_hi/μ: metres of reference in which V falls by one, as long as it is above beta_lower."""
-        return self.timing[1] / self.margin_per_metre
+        """u0_hi/(0.95 μ): metres of reference in which the law lowers V by one, as long as it is above beta_lower."""
+        return self.timing[1] / (LAW_SHARE * self.margin_per_metre)
 
     def level_after(self, distance: fmpq) -> fmpq:
         """A rational that V is at most after so many metres of reference, from anywhere in the tube."""

@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Bool, Float, Int
 
-from cfjax.check.rational import float_below, rational
+from cfjax.check.rational import float_below, rational, sqrt_upper
 from cfjax.check.reference import (
     LARGEST_POSE_GAP,
     LARGEST_SPEED_GAP,
@@ -43,6 +44,7 @@ from cfjax.tubes.store import library
 CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
 LEVEL_SLACKS = (1e-9, 1e-6, 1e-3)  # below the largest level, which lies on the edge of what exact arithmetic confirms
 DISTANCE_SLACK = 1e-9  # a choice in floating point keeps off the exact condition
+SHOWN_DIGITS = 6
 CHANGE_COST = 1e-9  # relative to the whole path: of two chains equally wide the one with fewer links
 
 
@@ -73,6 +75,8 @@ class Link(NamedTuple):
 @dataclass(frozen=True)
 class Following:
     """A proof that a car which starts inside the first tube stays inside the chain and arrives.
+
+    It speaks of laws that enforce 0.95 of the certified decrease or more, as `cfjax.control.min_norm_law` does.
 
     `path` is the path that is certified, as floating-point numbers: start poses by integration, speeds continuous. The
     proof speaks of `reference`, the same in exact numbers. `arrival` are the proven earliest and latest time (s, by the
@@ -112,19 +116,19 @@ class Following:
         earliest, latest = self.arrival
         lines = [
             f"path {self.path.name}: {length:.6g} m{', closed' if self.closed else ''}, "
-            f"{ending} after {earliest:.6g} to {latest:.6g} s"
+            f"{ending} after {_shown(earliest, ROUND_FLOOR)} to {_shown(latest)} s"
         ]
         for segment, start, end, tube in self.tubes:
             lines.append(
                 f"  segment {segment}, theta {start:.6g} to {end:.6g} s: tube {tube.name}, "
-                f"lateral half-width {_half_width(tube):.4g} m"
+                f"lateral half-width {_shown(_float_above(sqrt_upper(tube.inverse[1, 1])))} m"
             )
         for link in self.links:
             lines.append(
                 f"  {link.first.name} -> {link.second.name} at theta = {link.theta:.6g} s of segment {link.segment}: "
-                f"V <= {link.level:.4g} after {link.needed:.4g} m, has {link.available:.4g} m"
+                f"V <= {_shown(link.level)} after {_shown(link.needed)} m, has {_shown(link.available, ROUND_FLOOR)} m"
             )
-        lines.append("  holds for ever" if self.closed else f"  arrives with V <= {self.end_level:.4g}")
+        lines.append("  holds for ever" if self.closed else f"  arrives with V <= {_shown(self.end_level)}")
         return "\n".join(lines)
 
     def __str__(self) -> str:
@@ -218,6 +222,11 @@ def _float_above(value: fmpq) -> float:
     return 0.0 - float_below(-value)  # not −0.0
 
 
+def _shown(value: float, rounding: str = ROUND_CEILING) -> str:
+    """In few digits, rounded so that the sentence says less."""
+    return f"{float(Context(prec=SHOWN_DIGITS, rounding=rounding).create_decimal(value)):.{SHOWN_DIGITS}g}"
+
+
 # --- the path, to exact numbers and back
 
 
@@ -238,7 +247,7 @@ def _exact(numbers: Sequence[float]) -> tuple[fmpq, ...]:
 
 def _cut(reference: Reference) -> Reference:
     """Long pieces in several, at floating-point θ."""
-    longest = float(reference.length) / CUTS
+    longest = float(sum((abs(piece.length) for piece in reference.pieces), fmpq(0))) / CUTS  # a path may run backwards
     pieces: list[Piece] = []
     for piece in reference.pieces:
         count = math.ceil(float(piece.length) / longest - 1e-6) if longest > 0 else 1

@@ -10,6 +10,7 @@ from cfjax.check.document import read_claims
 from cfjax.check.reader import Unreadable, read_json
 from cfjax.check.reference import CertifiedTube
 from cfjax.check.tube import TubeClaim
+from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.tubes.vehicles import for_vehicle
@@ -37,6 +38,8 @@ def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
     tube = problem.segments[0]
     if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
         raise InputError(f"{path}: expected the certificate of a tube, got one of something else")
+    if problem.vehicle.name not in KNOWN_VEHICLES:  # any other name stands for no particular dynamics or states
+        raise InputError(f"{path}: expected a vehicle out of {', '.join(KNOWN_VEHICLES)}, got {problem.vehicle.name}")
     if check and (report := check_document(document)).outcome is not Outcome.PROVEN:
         raise InputError(f"{path}: the certificate does not prove its tube ({report.message})")
     name = path.parent.name if path.name == "certificate.json" else path.name

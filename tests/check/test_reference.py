@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from cfjax.check.rational import rational
 from cfjax.check.reference import (
+    LAW_SHARE,
     CertifiedTube,
     Gap,
     Piece,
@@ -27,6 +28,7 @@ from cfjax.check.reference import (
     needed_distance,
     prove_chain,
 )
+from cfjax.control import min_norm
 
 
 ZERO, ONE = fmpq(0), fmpq(1)
@@ -34,7 +36,7 @@ TINY = fmpq(1, 10**12)
 
 
 def tube(name: str = "wide", curvature: fmpq = ONE, scale: fmpq = ONE, **changes: object) -> CertifiedTube:
-    """A tube that nobody certified: C is `scale` times a fixed matrix."""
+    """A tube that nobody certified: C is `scale` times a fixed matrix, the law lowers V by 1/2 per metre."""
     diagonal = (6, 5, 4, 7)
     shape = [[scale * (diagonal[i] if i == j else fmpq(1, 2)) for j in range(4)] for i in range(4)]
     entries: dict = {
@@ -49,7 +51,7 @@ def tube(name: str = "wide", curvature: fmpq = ONE, scale: fmpq = ONE, **changes
         "beta_lower": fmpq(1, 4),
         "beta_inner": fmpq(1, 100),
         "margin": ONE,
-        "margin_per_metre": ONE,
+        "margin_per_metre": ONE / LAW_SHARE,
         "inputs": {"u0": (fmpq(1, 2), fmpq(2)), "w": (fmpq(-1), fmpq(1))},
     }
     return CertifiedTube(**(entries | changes))
@@ -300,7 +302,7 @@ def test_profiles_with_different_breaks_are_merged() -> None:
 
 def test_level_is_what_the_slowest_descent_leaves() -> None:
     own = tube(margin_per_metre=fmpq(3, 2))
-    beta, rate = 0.25, 1.5 / 2
+    beta, rate = 0.25, min_norm.LAW_SHARE * 1.5 / 2  # what the run-time law enforces, at the fastest timing
     flow = solve_ivp(
         lambda _, v: -rate * np.minimum(1, v / beta), (0, 3), [1.0], rtol=1e-10, atol=1e-12, dense_output=True
     )

@@ -3,17 +3,23 @@
 import dataclasses
 import importlib
 import itertools
+import json
 import math
+import pathlib
+import re
 
 import numpy as np
 import pytest
 from flint import fmpq
 
+from cfjax.check.document import document_hash
 from cfjax.check.rational import rational
+from cfjax.check.reader import read_json
+from cfjax.check.reference import LAW_SHARE
 from cfjax.errors import InputError
 from cfjax.problem import Path, Pose, Profile, Segment, circle, straight
 from cfjax.problem import tube as bounds
-from cfjax.tubes import CertifiedTube, Following, follow
+from cfjax.tubes import CertifiedTube, Following, follow, library_files, read_tube
 
 
 LAP_PARTS = 5
@@ -22,7 +28,7 @@ LAP_PARTS = 5
 def tube(
     name: str, curvature: float = 1.0, scale: float = 1.0, margin: float = 1.0, speed: tuple[float, float] = (0.5, 2.0)
 ) -> CertifiedTube:
-    """A tube that nobody certified, lateral half-width about √(1/(5 scale)); V falls by margin/2 per metre."""
+    """A tube that nobody certified, lateral half-width about √(1/(5 scale)); the law lowers V by margin/2 per metre."""
     diagonal = (6, 5, 4, 7)
     shape = [[rational(scale) * (diagonal[i] if i == j else fmpq(1, 2)) for j in range(4)] for i in range(4)]
     kappa = rational(curvature)
@@ -38,7 +44,7 @@ def tube(
         beta_lower=fmpq(1, 4),
         beta_inner=fmpq(1, 100),
         margin=fmpq(1),
-        margin_per_metre=rational(margin),
+        margin_per_metre=rational(margin) / LAW_SHARE,
         inputs={"u0": (fmpq(1, 2), fmpq(2)), "w": (fmpq(-1), fmpq(1))},
     )
 
@@ -110,6 +116,15 @@ def test_the_answer_speaks_of_the_nearest_tube() -> None:
 # --- what is no path
 
 
+def test_a_path_that_runs_back_to_its_start_is_refused() -> None:
+    """Its length is nearly nothing, its pieces are not: they are not cut into parts of its length."""
+    module = importlib.import_module("cfjax.tubes.follow")
+    back = segment([(0.0,), (0.0,)], [(1.0, -1.0), (0.0, -1.0)], (0.0, 1.0, 2.0 - 1e-3))
+    assert len(module._cut(module.exact_reference([module._stated(back)])).pieces) <= module.CUTS + 2
+    with pytest.raises(InputError, match=r"^path back: speed reaches -0.999 m/s"):
+        follow(Path("back", (back,)), [WIDE])
+
+
 def test_a_polyline_is_refused() -> None:
     first = straight(4.0, 1.0).segments[0]
     second = segment([(0.0,)], [(1.0,)], (0.0, 4.0), (0.0, 2.0, 0.0))
@@ -153,6 +168,16 @@ def test_tubes_of_two_vehicles_are_no_chain() -> None:
     foreign = dataclasses.replace(tube("foreign", 0.1, scale=2.0), vehicle="another")
     with pytest.raises(InputError, match="one vehicle"):
         follow(curved([1.0, 0.0], [4.0, 40.0]), [WIDE, foreign])
+
+
+def test_a_tube_of_an_unknown_vehicle_is_refused(tmp_path: pathlib.Path) -> None:
+    """Its certificate is right for the dynamics in the file, and nobody knows which of its states is what."""
+    document = read_json(library_files()[0])
+    document["problem"]["vehicle"]["name"] = "another"
+    document["hash"] = document_hash(document)
+    (tmp_path / "another.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match="expected a vehicle out of kinematic_bicycle, got another"):
+        read_tube(tmp_path / "another.json")
 
 
 # --- chains
@@ -246,6 +271,19 @@ def test_arrival_is_bounded_by_the_timing() -> None:
     slow = dataclasses.replace(WIDE, inputs={"u0": (fmpq(1), fmpq(1))})
     assert follow(curved([0.0], [3.0]), [WIDE]).arrival == (1.5, 6.0)
     assert follow(curved([0.0], [3.0]), [slow]).arrival == (3.0, 3.0)
+
+
+def test_what_is_printed_says_less() -> None:
+    found = follow(curved([1.0, 0.0], [4 / 3, 50.0]), [WIDE, NARROW])
+    (link,) = found.links
+    text = str(found)
+    printed = re.search(r"V <= (\S+) after (\S+) m, has (\S+) m", text)
+    times = re.search(r"the end after (\S+) to (\S+) s", text)
+    assert printed and times
+    level, needed, available = map(float, printed.groups())
+    assert link.level < level < link.level + 1e-5 and link.needed < needed < link.needed + 1e-5
+    assert link.available - 1e-5 < available < link.available
+    assert float(times[1]) < found.arrival[0] and found.arrival[1] < float(times[2])
 
 
 def test_stretches_follow_the_segments() -> None:
