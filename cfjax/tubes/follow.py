@@ -39,6 +39,7 @@ from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.problem.path import Path, Pose, Profile, Segment
 from cfjax.tubes.store import library
+from cfjax.tubes.vehicles import parameters_of
 
 
 CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
@@ -139,26 +140,34 @@ def follow(
     path: Path,
     tubes: Sequence[CertifiedTube] | None = None,
     *,
-    vehicle: Vehicle = KinematicBicycle(),
+    vehicle: Vehicle | None = None,
     closed: bool = False,
     pinned: str | None = None,
 ) -> Following:
     """The chain of tubes with the least lateral width, by length, that is proven to hold along the path.
 
-    `tubes` are those of the package for the vehicle unless given; given ones have to be certified for the vehicle that
-    drives. A closed path is one lap that is driven again and again; `pinned` is the name of the one tube to use.
+    `tubes` are those of the package for the vehicle, the Parkour car unless given. Given tubes have to be certified for
+    the vehicle that drives, which is checked where it is given too. A closed path is one lap that is driven again and
+    again; `pinned` is the name of the one tube to use.
 
     Raises:
         InputError: where the path has a jump (pose: 1e-6 rad or m; speed: 1e-9 m/s), leaves every tube, or where no
             chain is proven; the message says where and by how much.
     """
-    offered = library(vehicle) if tubes is None else tuple(tubes)
+    offered = library(vehicle or KinematicBicycle()) if tubes is None else tuple(tubes)
     chosen = tuple(tube for tube in offered if pinned in (None, tube.name))
     if not chosen:
         raise InputError(
             f"path {path.name}: expected one of the tubes {', '.join(tube.name for tube in offered) or '(none)'}, "
             f"got {pinned or 'none'}"
         )
+    if vehicle is not None:
+        own = parameters_of(vehicle)
+        for tube in chosen:
+            if (tube.vehicle, dict(tube.parameters)) != (vehicle.name, own):
+                raise InputError(
+                    f"path {path.name}: tube {tube.name} is certified for another vehicle than the one given"
+                )
     try:
         return _follow(path, chosen, closed)
     except InputError:

@@ -13,7 +13,7 @@ from cfjax.check.rational import rational
 from cfjax.check.reference import CertifiedTube, Range
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.errors import InputError
-from cfjax.problem import Vehicle
+from cfjax.problem import KinematicBicycle, Vehicle
 
 
 BITS = 24  # of the speed scale: a square root, rounded down
@@ -25,10 +25,8 @@ def parameters_of(vehicle: Vehicle) -> dict[str, fmpq]:
     Raises:
         InputError: for a vehicle that it does not know: its tubes cannot be told from another's.
     """
-    if vehicle.name not in KNOWN_VEHICLES:
-        raise InputError(
-            f"vehicle: expected one of {', '.join(KNOWN_VEHICLES)} to look for its tubes, got {vehicle.name}"
-        )
+    if type(vehicle) is not KinematicBicycle:  # a subclass has the name, and may have other dynamics
+        raise InputError(f"vehicle: expected a KinematicBicycle to look for its tubes, got {type(vehicle).__name__}")
     return {name: rational(float(getattr(vehicle, name))) for name in KNOWN_VEHICLES[vehicle.name].parameters}
 
 

@@ -17,9 +17,9 @@ from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
 from cfjax.check.reference import LAW_SHARE
 from cfjax.errors import InputError
-from cfjax.problem import Path, Pose, Profile, Segment, circle, straight
+from cfjax.problem import KinematicBicycle, Path, Pose, Profile, Segment, Twist, circle, straight
 from cfjax.problem import tube as bounds
-from cfjax.tubes import CertifiedTube, Following, follow, library_files, read_tube
+from cfjax.tubes import CertifiedTube, Following, follow, library, library_files, read_tube
 
 
 LAP_PARTS = 5
@@ -178,6 +178,25 @@ def test_a_tube_of_an_unknown_vehicle_is_refused(tmp_path: pathlib.Path) -> None
     (tmp_path / "another.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match="expected a vehicle out of kinematic_bicycle, got another"):
         read_tube(tmp_path / "another.json")
+
+
+class Drifting(KinematicBicycle):
+    """It inherits the name, not the dynamics."""
+
+    def twist(self, internal: tuple, inputs: tuple) -> Twist:
+        return super().twist(internal, inputs)._replace(lateral=internal[0])
+
+
+def test_a_vehicle_with_dynamics_of_its_own_has_no_tubes() -> None:
+    with pytest.raises(InputError, match="expected a KinematicBicycle to look for its tubes, got Drifting"):
+        follow(circle(radius=1.0, speed=1.0), vehicle=Drifting())
+
+
+def test_given_tubes_have_to_be_of_the_vehicle_given() -> None:
+    path, tubes = circle(radius=1.0, speed=1.0), library()
+    assert follow(path, tubes, vehicle=KinematicBicycle()).start in tubes
+    with pytest.raises(InputError, match="is certified for another vehicle than the one given"):
+        follow(path, tubes, vehicle=KinematicBicycle(0.68))
 
 
 # --- chains
