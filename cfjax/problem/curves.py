@@ -33,7 +33,8 @@ CURVATURE_TOLERANCE = 5e-3  # 1/m: a curve can be close and yet wind
 SPEED_TOLERANCE = 2e-3  # relative
 ACCELERATION_TOLERANCE = 0.02  # of the largest along the path
 JOIN = 1e-11  # m and rad: where a segment has to end; a lap of hundreds of them still closes to 1e-9
-LEAST_TURN = 1e-9  # rad: a curve whose turning differs by less from a straight line or an arc is one
+DIGITS = 1e-14  # relative: what is left of that far from the origin
+LEAST_TURN = 1e-11  # rad: a curve whose turning differs by less from a straight line or an arc is one
 MOST_HALVINGS = 24
 MOST_CELLS = 2**10  # per smooth stretch, of the quadrature of arc length
 
@@ -157,7 +158,7 @@ def _segment(
         ends, pieces = _halved(name, curve, speed, span, target)
         segment, missed = _aimed(curve, speed, ends, pieces, start)
         apart = _apart(curve, segment, span[0])
-        if apart <= tolerance and missed <= JOIN:
+        if apart <= tolerance and missed <= max(JOIN, DIGITS * abs(place)):
             return segment, float(pieces.turn.sum())
         target /= 8
     raise InputError(

@@ -213,15 +213,16 @@ def _at(place: complex) -> str:
 
 def _curve(file: File, rows: _Rows, closed: bool, smoothing: float) -> tuple[Curve, np.ndarray]:
     """The spline, and the parameters (chord length, m) of the points; of a lap with the first one at the end again."""
-    place = np.append(rows.place, rows.place[0]) if closed else rows.place
+    origin = rows.place[0]  # maps count from far away: there the differences of coordinates have few digits
+    place = (np.append(rows.place, origin) if closed else rows.place) - origin
     chords = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(place)))])
     points = chords
-    along = (place - place[0]) * np.conj(place[-1] - place[0])
+    along = place * np.conj(place[-1])
     forwards = np.all(np.diff(along.real) > 0)
-    if not closed and forwards and np.abs(along.imag).max() <= STRAIGHT * abs(place[-1] - place[0]) ** 2:
-        begin, direction = place[0], (place[-1] - place[0]) / abs(place[-1] - place[0])
+    if not closed and forwards and np.abs(along.imag).max() <= STRAIGHT * abs(place[-1]) ** 2:
+        direction = place[-1] / abs(place[-1])
         line = Curve(
-            lambda u: begin + direction * u, lambda u: direction + 0 * u, lambda u: 0j * u, (0.0, float(chords[-1]))
+            lambda u: origin + direction * u, lambda u: direction + 0 * u, lambda u: 0j * u, (0.0, float(chords[-1]))
         )
         return line, points
     if smoothing:
@@ -239,10 +240,11 @@ def _curve(file: File, rows: _Rows, closed: bool, smoothing: float) -> tuple[Cur
 
     def derivative(order: int):
         own = spline.derivative(order) if order else spline
+        offset = 0.0 if order else origin
 
         def at(u: np.ndarray) -> np.ndarray:
             value = own(u)
-            return value[..., 0] + 1j * value[..., 1]
+            return offset + value[..., 0] + 1j * value[..., 1]
 
         return at
 
