@@ -172,7 +172,7 @@ def follow(
         return _follow(path, chosen, closed)
     except InputError:
         raise
-    except ValueError as error:  # of the exact statements, which know no other rooms
+    except (ValueError, OverflowError) as error:  # of the exact statements, which know no other rooms
         raise InputError(f"path {path.name}: {error}") from None
 
 

@@ -116,6 +116,11 @@ def test_the_answer_speaks_of_the_nearest_tube() -> None:
 # --- what is no path
 
 
+def test_numbers_beyond_floating_point_are_refused() -> None:
+    with pytest.raises(InputError, match="^path endless: "):
+        follow(Path("endless", (segment([(0.0,)], [(1e300,)], (0.0, 1e10)),)), [WIDE])
+
+
 def test_a_path_that_runs_back_to_its_start_is_refused() -> None:
     """Its length is nearly nothing, its pieces are not: they are not cut into parts of its length."""
     module = importlib.import_module("cfjax.tubes.follow")
