@@ -117,7 +117,7 @@ def test_the_answer_speaks_of_the_nearest_tube() -> None:
 
 
 def test_numbers_beyond_floating_point_are_refused() -> None:
-    with pytest.raises(InputError, match="^path endless: "):
+    with pytest.raises(InputError, match=r"^path endless: "):
         follow(Path("endless", (segment([(0.0,)], [(1e300,)], (0.0, 1e10)),)), [WIDE])
 
 
