@@ -27,8 +27,14 @@ if TYPE_CHECKING:
         Vehicle,
         ball,
         circle,
+        ellipse,
+        figure_eight,
+        obstacle_path,
+        oval,
+        slalom,
         straight,
         tube,
+        waypoints,
     )
     from cfjax.result import Result
     from cfjax.synthesis import drive, search, synthesize
@@ -56,8 +62,14 @@ _WHERE = {
             "Vehicle",
             "ball",
             "circle",
+            "ellipse",
+            "figure_eight",
+            "obstacle_path",
+            "oval",
+            "slalom",
             "straight",
             "tube",
+            "waypoints",
         ),
         "problem",
     ),
@@ -85,12 +97,18 @@ __all__ = [
     "certify",
     "circle",
     "drive",
+    "ellipse",
+    "figure_eight",
     "follow",
+    "obstacle_path",
+    "oval",
     "refute",
     "search",
+    "slalom",
     "straight",
     "synthesize",
     "tube",
+    "waypoints",
 ]
 
 

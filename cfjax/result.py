@@ -19,7 +19,7 @@ class SegmentResult:
     margin_falsified: float  # smallest margin that the falsifier found: the true one is not larger
     margin_certified: float | None = None  # proven: the true one is not smaller
     margin_per_metre: float | None = None  # proven for a tube: V' <= -margin_per_metre v_r, 1/m
-    contraction: float | None = None  # proven for a tube: m of the path until V <= 1 has become V <= beta_inner
+    contraction: float | None = None  # of a tube: m of the path until V <= 1 has become V <= beta_inner, at that margin
     margin_sos: float | None = None  # optimum of the numerical sums-of-squares program
 
 

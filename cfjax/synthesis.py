@@ -91,6 +91,7 @@ class _Aim:
     """What a round starts from: the margin wanted of the learner (1/s; None for the largest), and the last round's."""
 
     target: float | None
+    out_of_reach: bool = False  # the learner found no such margin
     warm: Funnel | None = None
     suspects: Float[np.ndarray, "k n"] | None = None
 
@@ -142,16 +143,18 @@ class _Search:
                 break
             if certified < LEAST_GAIN * before:  # as long as nothing is proven, every round is worth its time
                 break
-            if aim.target is not None and wanted is not None and certified:
-                if falsified < aim.target:  # out of reach: this was the largest margin
+            if aim.target is not None and wanted is not None:
+                if aim.out_of_reach:  # this was the largest margin
                     break
-                aim.target *= 1.001 * wanted / certified  # the proof fell short of what the learner aimed at
+                # the proof fell short of what the learner aimed at: aim as much higher
+                aim.target *= 1.001 * wanted / certified if certified else 1 / GOOD_SHARE
         assert best is not None
         return best.replace(iterations=len(self.history), history=tuple(self.history))
 
     def _round(self, round_: int, aim: "_Aim") -> Result:
         segment = self.asked.path.segments[0]
         self.problem, learned = self._learn(segment, round_, aim)
+        aim.out_of_reach = aim.target is not None and (learned is None or learned.margin < aim.target)
         if learned is None:
             return self._result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)")
         if learned.margin <= 0:

@@ -112,8 +112,8 @@ def _tube_message(problem: ProblemClaim, funnel: FunnelClaim, tube: TubeClaim, v
     widths = ", ".join(decimal_text(width, ROUND_CEILING) for width in half_widths(funnel.shape))
     per_metre = fmpq(0) if funnel.margin_per_metre is None else funnel.margin_per_metre
     comes_down = (
-        f" A car that enters at V = 1 is inside V <= {decimal_text(funnel.beta_inner, ROUND_CEILING)} after "
-        f"{decimal_text(way, ROUND_CEILING)} m of the path at the latest."
+        f" Inputs that do so bring a car from V = 1 inside V <= {decimal_text(funnel.beta_inner, ROUND_CEILING)} "
+        f"within {decimal_text(way, ROUND_CEILING)} m of the path."
     )
     return (
         f"PROVEN: one control funnel function for {vehicle} along every path whose pose and heading are continuous, "

@@ -19,8 +19,8 @@ class Outcome(enum.Enum):
 class Report:
     """Outcome and message (one paragraph); for a proven funnel λ per segment (1/s) and when the car arrives (s).
 
-    A tube has no arrival, but a margin per metre of the reference (1/m) and a way of the reference (m) after which a
-    car that enters at V = 1 is inside V ≤ β_in.
+    A tube has no arrival, but a margin per metre of the reference (1/m) and a way of the reference (m) within which
+    inputs that reach it bring a car from V = 1 inside V ≤ β_in.
     """
 
     outcome: Outcome

@@ -67,7 +67,7 @@ class Funnel:
         return np.sqrt(self.level(theta) * np.diag(np.linalg.inv(self.shape)))
 
     def absorbed_disturbance(self, margin: float) -> Float[np.ndarray, " n"]:
-        """Largest additive disturbance of each state's rate alone that leaves V̇ ≤ 0 on the shell (unit of x per s).
+        """Largest additive disturbance of each state's rate alone that leaves V̇ ≤ 0 on β̲ ≤ V ≤ 1 (unit of x per s).
 
         |∂q/∂x_i| ≤ 2 √(C_ii q), and V̇ = σ (q̇ + …) with σ q ≤ σ ρ: at θ = 0, where V = q, λ buys λ / (2 √C_ii).
         """

@@ -4,6 +4,7 @@ Everything downstream (learner, falsifier, certificate, control, simulation, rep
 stands here; no other place writes the dynamics, the path or the sets a second time.
 """
 
+from cfjax.problem.curves import ellipse, figure_eight, obstacle_path, oval, slalom
 from cfjax.problem.deviation import affine_deviation, deviation_rate
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
@@ -11,6 +12,7 @@ from cfjax.problem.sets import Box, Ellipsoid, ball
 from cfjax.problem.symmetry import mirror_signs
 from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
+from cfjax.problem.waypoints import waypoints
 
 
 __all__ = [
@@ -32,7 +34,13 @@ __all__ = [
     "ball",
     "circle",
     "deviation_rate",
+    "ellipse",
+    "figure_eight",
     "mirror_signs",
+    "obstacle_path",
+    "oval",
+    "slalom",
     "straight",
     "tube",
+    "waypoints",
 ]

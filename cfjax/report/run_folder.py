@@ -239,9 +239,9 @@ def _segment_json(problem: Problem, segment: Segment | Tube, found: SegmentResul
         "half_widths": dict(zip(states, _half_widths(funnel), strict=True)),
     }
     if found.margin_certified is not None:
-        # of each state's rate alone: with it V still does not grow on the shell at theta = 0
+        # of each state's rate alone: with it V still does not grow on beta_lower <= V <= 1 at theta = 0
         absorbed = funnel.absorbed_disturbance(found.margin_certified)
-        content["disturbance"] = {name: float(bound) for name, bound in zip(states, absorbed, strict=True)}
+        content["disturbance"] = {name: _below(bound) for name, bound in zip(states, absorbed, strict=True)}
     if isinstance(segment, Tube):
         content["margin_per_metre"] = _number(found.margin_per_metre)
         content["contraction"] = {"level": float(funnel.inner), "metres": _number(found.contraction)}
@@ -251,6 +251,11 @@ def _segment_json(problem: Problem, segment: Segment | Tube, found: SegmentResul
             "acceleration": [segment.acceleration.lower, segment.acceleration.upper],
         }
     return content
+
+
+def _below(value: float) -> float:
+    """A little less than a figure that was rounded to nearest some times over."""
+    return float(value) * (1 - 1e-14)
 
 
 def _half_widths(funnel: Funnel) -> list[float]:
@@ -271,7 +276,7 @@ def _margin_per_metre(result: Result) -> float | None:
     if result.problem.path.tube:
         return result.segments[0].margin_per_metre if result.segments else None
     margins = [
-        None if found.margin_certified is None else found.margin_certified / _top_speed(segment)
+        None if found.margin_certified is None else _below(found.margin_certified / _top_speed(segment))
         for segment, found in zip(result.problem.path.curve, result.segments, strict=False)
     ]
     return None if not margins or None in margins else min(m for m in margins if m is not None)

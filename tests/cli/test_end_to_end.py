@@ -119,7 +119,7 @@ def test_a_tube_ends_certified(command: Command, tmp_path: Path) -> None:
     assert checked.returncode == 0, checked.stdout + checked.stderr
     assert "along every path" in checked.stdout
     assert "whose curvature, which may jump, lies in [-1.8, 1.8] 1/m" in checked.stdout
-    assert "inside V <= 0.5 after" in checked.stdout
+    assert "from V = 1 inside V <= 0.5 within" in checked.stdout
     again = read_run(folder)
     assert again.verdict is Verdict.CERTIFIED
     assert again.segments[0].margin_per_metre == segment["margin_per_metre"]

@@ -1,6 +1,5 @@
 """Curves as references: close to what was asked for, smooth, joined and closed."""
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -270,12 +269,9 @@ def test_a_corner_is_no_reference() -> None:
 
 
 @pytest.mark.parametrize("name", ["oval", "figure eight", "slalom", "ellipse"])
-def test_the_library_holds_along_it(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_library_holds_along_it(name: str) -> None:
     make, _, _, closed, _ = CASES[name]
     path = make()
-    begin = time.perf_counter()
     following = follow(path, closed=closed)
-    with capsys.disabled():
-        print(f" {name}: {time.perf_counter() - begin:.2f} s ", end="")
     assert following.closed == closed
     assert float(following.reference.length) == pytest.approx(length(path), abs=1e-9)

@@ -1,7 +1,6 @@
 """Paths from files of points: the curve, its speed within every limit, its joints, and one line for each bad file."""
 
 import itertools
-import time
 from collections.abc import Callable
 from pathlib import Path as File
 
@@ -158,14 +157,10 @@ def test_curvature_is_that_of_the_shape(write: Callable[..., File]) -> None:
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_the_library_holds_along_it(name: str, write: Callable[..., File], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_library_holds_along_it(name: str, write: Callable[..., File]) -> None:
     make, closed = SHAPES[name]
-    begin = time.perf_counter()
     path = waypoints(write(make()), vehicle=CAR, speed=6.0)
-    made = time.perf_counter()
     following = follow(path, vehicle=CAR, closed=closed)
-    with capsys.disabled():
-        print(f" {name}: made in {made - begin:.2f} s, followed in {time.perf_counter() - made:.2f} s ", end="")
     assert following.closed == closed
 
 

@@ -52,7 +52,8 @@ def test_fields_of_result_json(hand_made: Make, tmp_path: Path) -> None:
     assert data["sets"] == {"inlet": [0.5] * 4, "goal": [0.5] * 4, "safe": [1.0, 1.0, 1.0, 3.0]}
     (segment,) = data["segments"]
     assert set(segment) == {
-        *("duration", "C", "template", "rate", "beta", "beta_lower", "margin_certified", "margin_falsified")
+        *("duration", "C", "template", "rate", "beta", "beta_lower", "beta_inner", "margin_certified"),
+        *("margin_falsified", "half_widths"),
     }
     assert segment["beta"] == 1.0
 
@@ -191,7 +192,7 @@ def test_no_funnel_at_all_is_written_too(hand_made: Make, tmp_path: Path) -> Non
         ("result.json", "[]", "expected a JSON object, got list"),
         ("result.json", "{}", "expected the result of a run"),
         ("config.yaml", None, "cannot be read"),
-        ("config.yaml", "path: {kind: spiral}", "expected path.kind to be one of straight, circle, got spiral"),
+        ("config.yaml", "path: {kind: spiral}", "expected path.kind to be one of straight, circle, tube, got spiral"),
         ("config.yaml", "- a", "expected keys and values"),
         ("config.yaml", "a: [", "config.yaml"),
     ],
