@@ -95,6 +95,11 @@ class Problem:
         """
         drift, columns = affine_deviation(self.vehicle, jnp.zeros(self.dimension), point)
         rest = np.asarray(drift + columns[:, 0])
+        if not (np.isfinite(rest).all() and np.isfinite(np.asarray(columns)).all()):
+            raise InputError(
+                f"path: expected speeds and turning rates whose motion can be computed, got {point.speed:.4g} m/s and "
+                f"{point.turn_rate:.4g} rad/s"
+            )
         u, *_ = np.linalg.lstsq(np.asarray(columns[:, 1:]), -rest, rcond=None)
         left = np.abs(rest + np.asarray(columns[:, 1:]) @ u).max()
         if left > FOLLOWS * max(1.0, np.abs(rest).max()):

@@ -23,6 +23,7 @@ CASES = [
     (["+path=circle,straight"], "To sweep over it, add --multirun"),
     (["+path=circle", "path.speed=nan"], "path.speed: expected a positive finite number, got nan"),
     (["+path=circle", "path.speed=inf"], "path.speed: expected a positive finite number, got inf"),
+    (["+path=straight", "path.speed=1e308"], "got 1e+308 m/s"),
     (["+path=circle", "path.speed=1e-320"], "got path.radius=1.5, path.speed=1e-320, path.laps=1.0"),
     (["+path=circle", "path.speed=1e-320", "path.radius=1e20"], "path.speed=1e-320"),  # turns at 0 rad/s
     (["+path=straight", "path.speed=1e-320"], "got path.length=4.0, path.speed=1e-320"),
