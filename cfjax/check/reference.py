@@ -43,6 +43,14 @@ STEEPEST_EXPONENT = fmpq(64)  # levels below e^−64 are not told apart
 UNITS = {"curvature": "1/m", "speed": "m/s", "acceleration": "m/s²"}
 
 
+class Origin(NamedTuple):
+    """Where a tube's certificate lies, and by what its lengths and speeds are multiplied since."""
+
+    source: str
+    length: fmpq = fmpq(1)
+    speed: fmpq = fmpq(1)
+
+
 @dataclass(frozen=True, eq=False)  # one object is one certificate: compared by identity, so that proofs can be cached
 class CertifiedTube:
     """A tube with a checked certificate: the numbers that chains are proven from.
@@ -69,6 +77,7 @@ class CertifiedTube:
     margin: fmpq
     margin_per_metre: fmpq
     inputs: Mapping[str, Range]
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         for label in ("curvature", "speed", "acceleration"):
@@ -295,6 +304,11 @@ class Piece:
     def length(self) -> fmpq:
         """Metres of reference, where the speed is positive."""
         return _evaluate(_integral(self.speed), self.duration)
+
+    @property
+    def end_speed(self) -> fmpq:
+        """v_r where the piece ends, m/s."""
+        return _evaluate(self.speed, self.duration)
 
     @cached_property
     def turn(self) -> fmpq:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from flint import fmpq
 
+from cfjax.check.chain import CHAIN, check_chain
 from cfjax.check.containment import broken_containments, half_widths
 from cfjax.check.decrease import CellProof, Extreme, SteadyDecrease, contraction_way, steady_pieces
 from cfjax.check.document import (
@@ -54,6 +55,8 @@ def check_file(path: str | Path, skip_hash: bool = False) -> Report:
 def check_document(document: object, skip_hash: bool = False) -> Report:
     """Replay a certificate that is parsed already (lists, dicts, strings, ints)."""
     try:
+        if isinstance(document, dict) and document.get("claim") == CHAIN:
+            return check_chain(document, skip_hash, check_document)
         certificate = read_certificate(document, skip_hash)
         return _refuted(certificate) if certificate.witness else _proven(certificate)
     except Unreadable as error:

@@ -92,6 +92,8 @@ class Following:
     closed: bool
     end_level: float  # V of the last tube is at most this at the end
     arrival: tuple[float, float]
+    runs: tuple[Run, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and levels
+    levels: tuple[fmpq, ...]
 
     @property
     def start(self) -> CertifiedTube:
@@ -219,6 +221,8 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
         closed=closed,
         end_level=_float_above(finish),
         arrival=(float_below(earliest), _float_above(latest)),
+        runs=tuple(runs),
+        levels=tuple(levels),
     )
 
 

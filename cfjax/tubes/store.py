@@ -6,11 +6,9 @@ from importlib import resources
 from pathlib import Path
 
 from cfjax.check import Outcome, check_document
-from cfjax.check.document import read_claims
+from cfjax.check.chain import tube_of
 from cfjax.check.reader import Unreadable, read_json
 from cfjax.check.reference import CertifiedTube
-from cfjax.check.tube import TubeClaim
-from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.tubes.vehicles import for_vehicle
@@ -30,36 +28,17 @@ def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
     path = Path(path)
     if path.is_dir():
         path = path / "certificate.json"
-    try:
-        document = read_json(path)
-        problem, (funnel, *_) = read_claims(document)
-    except (Unreadable, ValueError) as error:
-        raise InputError(f"{path}: expected the certificate of a tube ({error})") from None
-    tube = problem.segments[0]
-    if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
-        raise InputError(f"{path}: expected the certificate of a tube, got one of something else")
-    if problem.vehicle.name not in KNOWN_VEHICLES:  # any other name stands for no particular dynamics or states
-        raise InputError(f"{path}: expected a vehicle out of {', '.join(KNOWN_VEHICLES)}, got {problem.vehicle.name}")
-    if check and (report := check_document(document)).outcome is not Outcome.PROVEN:
-        raise InputError(f"{path}: the certificate does not prove its tube ({report.message})")
     name = path.parent.name if path.name == "certificate.json" else path.name
     for suffix in SUFFIXES:
         name = name.removesuffix(suffix)
-    return CertifiedTube(
-        name=name,
-        vehicle=problem.vehicle.name,
-        parameters=problem.vehicle.parameters,
-        method=problem.method,
-        curvature=tube.curvature,
-        speed=tube.speed,
-        acceleration=tube.acceleration,
-        shape=funnel.shape,
-        beta_lower=funnel.beta_lower,
-        beta_inner=funnel.beta_inner,
-        margin=funnel.margin,
-        margin_per_metre=funnel.margin_per_metre,
-        inputs=problem.inputs,
-    )
+    try:
+        document = read_json(path)
+        tube = tube_of(document, name, str(path))
+    except (Unreadable, ValueError) as error:
+        raise InputError(f"{path}: expected the certificate of a tube ({error})") from None
+    if check and (report := check_document(document)).outcome is not Outcome.PROVEN:
+        raise InputError(f"{path}: the certificate does not prove its tube ({report.message})")
+    return tube
 
 
 def library_files() -> list[Path]:

@@ -1,16 +1,10 @@
-"""Tubes for other cars: by what a car can do, and by similarity. Both are exact.
-
-A car that can do whatever the proven one can is held by the proven one's tube. And with lengths multiplied by L, speeds
-by S (so times by L/S, accelerations by S²/L) the kinematic bicycle is the same car again: a tube with C, λ and μ
-becomes D⁻¹ C D⁻¹ with D = diag(1, L, L, S), λ S/L and μ/L.
-"""
-
-from dataclasses import replace
+"""The package's tubes for another car, where it can do what the proven one can or is similar to one that can."""
 
 from flint import fmpq
 
 from cfjax.check.rational import rational
-from cfjax.check.reference import CertifiedTube, Range
+from cfjax.check.reference import CertifiedTube
+from cfjax.check.similarity import scaled, served
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
@@ -30,35 +24,6 @@ def parameters_of(vehicle: Vehicle) -> dict[str, fmpq]:
     return {name: rational(float(getattr(vehicle, name))) for name in KNOWN_VEHICLES[vehicle.name].parameters}
 
 
-def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
-    """The tube of the similar car: lengths multiplied by `length`, speeds by `speed`.
-
-    Raises:
-        InputError: for scales that are not positive.
-    """
-    if not (length > 0 and speed > 0):
-        raise InputError("similarity: expected positive scales of length and speed")
-    known = KNOWN_VEHICLES[tube.vehicle]
-    acceleration = speed**2 / length
-    axes = (fmpq(1), length, length, speed)
-
-    def times(factor: fmpq, bounds: Range) -> Range:
-        return bounds[0] * factor, bounds[1] * factor
-
-    units = {"u0": fmpq(1), "w": fmpq(1), "thrust": acceleration}
-    return replace(
-        tube,
-        parameters=known.scaled(tube.parameters, length, speed),
-        curvature=times(1 / length, tube.curvature),
-        speed=times(speed, tube.speed),
-        acceleration=times(acceleration, tube.acceleration),
-        shape=[[c / (axes[i] * axes[j]) for j, c in enumerate(row)] for i, row in enumerate(tube.shape)],
-        margin=tube.margin * speed / length,
-        margin_per_metre=tube.margin_per_metre / length,
-        inputs={name: times(units[name], bounds) for name, bounds in tube.inputs.items()},
-    )
-
-
 def for_vehicle(tube: CertifiedTube, vehicle: Vehicle) -> CertifiedTube | None:
     """The tube for another car, unchanged if that can do what the proven one can, else by similarity; None if neither.
 
@@ -67,16 +32,11 @@ def for_vehicle(tube: CertifiedTube, vehicle: Vehicle) -> CertifiedTube | None:
     own = parameters_of(vehicle)
     if tube.vehicle != vehicle.name:
         return None
-    covers = KNOWN_VEHICLES[tube.vehicle].covers
-    if not covers(own, tube.parameters):
-        length = own["wheelbase"] / tube.parameters["wheelbase"]
-        square = length * own["max_thrust"] / tube.parameters["max_thrust"]
-        tube = scaled(tube, length, _root_below(square))
-        if not covers(own, tube.parameters):
-            return None
-    limits = {name: own[parameter] for name, parameter in KNOWN_VEHICLES[tube.vehicle].limits.items()}
-    box = {name: (-limits[name], limits[name]) if name in limits else ends for name, ends in tube.inputs.items()}
-    return replace(tube, parameters=own, inputs=box)
+    if found := served(tube, own):
+        return found
+    length = own["wheelbase"] / tube.parameters["wheelbase"]
+    square = length * own["max_thrust"] / tube.parameters["max_thrust"]
+    return served(scaled(tube, length, _root_below(square)), own)
 
 
 def _root_below(value: fmpq) -> fmpq:

@@ -173,7 +173,7 @@ def test_tubes_for_other_cars(proven: CertifiedTube) -> None:
     assert weaker is not None
     assert float(weaker.speed[1]) == pytest.approx(1.0)
     assert for_vehicle(proven, KinematicBicycle(0.34, 0.5)) is None  # steers less: no scale mends that
-    with pytest.raises(InputError, match="scales"):
+    with pytest.raises(ValueError, match="scales"):
         scaled(proven, fmpq(0), fmpq(1))
 
 

@@ -1,0 +1,195 @@
+"""A path with the tubes that hold along it, replayed from one file.
+
+The file states the path, piece by piece in exact numbers, and brings the whole certificate of every tube. Each of them
+is replayed; then the path has to be a path (speed continuous, pose and heading by integration), to stay inside the
+bounds of the tube that holds there, and each tube has to hand over to the next (`cfjax.check.reference`). A closed path
+hands over to its own beginning, over the gap that integration leaves.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR
+
+from flint import acb, arb, fmpq
+
+from cfjax.check.document import FORMAT, VERSION, document_hash, read_claims
+from cfjax.check.rational import about, bits, decimal_text, sqrt_upper
+from cfjax.check.reader import Broken, Item, Unreadable
+from cfjax.check.reference import (
+    LAW_SHARE,
+    CertifiedTube,
+    ExactPose,
+    Origin,
+    Piece,
+    Reference,
+    Run,
+    is_closed,
+    prove_chain,
+)
+from cfjax.check.report import Outcome, Report
+from cfjax.check.similarity import scaled, served
+from cfjax.check.tube import TubeClaim
+from cfjax.check.vehicle import KNOWN_VEHICLES
+
+
+CHAIN = "chain"
+MOST_PIECES, MOST_TUBES, MOST_COEFFICIENTS = 1000, 12, 8
+LONGEST = 600  # bits of a coefficient; exact sums along a path take some hundred
+
+
+@dataclass(frozen=True)
+class ChainClaim:
+    """The path and the tubes along it, tubes not proven yet; `levels[k]` is that of the link after run k."""
+
+    name: str
+    closed: bool
+    vehicle: str
+    parameters: dict[str, fmpq]
+    reference: Reference
+    tubes: tuple[tuple[object, fmpq, fmpq], ...]  # certificate, scales of length and speed
+    runs: tuple[tuple[int, int, int], ...]  # first piece, piece after the last, tube
+    levels: tuple[fmpq, ...]
+
+
+def tube_of(document: object, name: str, source: str | None = None) -> CertifiedTube:
+    """The tube that a certificate claims, unproven.
+
+    Raises:
+        Unreadable: no certificate, or one of something else, or of a vehicle that has no meaning here.
+    """
+    problem, (funnel, *_) = read_claims(document)
+    tube = problem.segments[0]
+    if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
+        raise Unreadable("expected the certificate of a tube, got one of something else")
+    if problem.vehicle.name not in KNOWN_VEHICLES:  # any other name stands for no particular dynamics or states
+        raise Unreadable(f"expected a vehicle out of {', '.join(KNOWN_VEHICLES)}, got {problem.vehicle.name}")
+    return CertifiedTube(
+        name=name,
+        vehicle=problem.vehicle.name,
+        parameters=problem.vehicle.parameters,
+        method=problem.method,
+        curvature=tube.curvature,
+        speed=tube.speed,
+        acceleration=tube.acceleration,
+        shape=funnel.shape,
+        beta_lower=funnel.beta_lower,
+        beta_inner=funnel.beta_inner,
+        margin=funnel.margin,
+        margin_per_metre=funnel.margin_per_metre,
+        inputs=problem.inputs,
+        origin=None if source is None else Origin(source),
+    )
+
+
+def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], Report]) -> Report:
+    """Replay a file with claim `chain`; `check_tube` replays the certificate of one tube.
+
+    Raises:
+        Unreadable, Broken, ValueError: says what is not as it has to be.
+    """
+    claim = read_chain(document, skip_hash)
+    tubes = []
+    for index, (certificate, length, speed) in enumerate(claim.tubes):
+        tube = tube_of(certificate, f"tube {index}")  # refuses everything that is none, a chain in a chain too
+        if tube.vehicle != claim.vehicle:
+            raise Broken(f"tube {index}: it is proven for another vehicle")
+        own = served(scaled(tube, length, speed), claim.parameters)
+        if own is None:
+            raise Broken(f"tube {index}: its vehicle can do what this one cannot")
+        tubes.append(own)
+    runs = [Run(begin, end, tubes[index]) for begin, end, index in claim.runs]
+    links = prove_chain(claim.reference, runs, claim.levels, claim.closed)  # bounds first: a wild path has no gap
+    if claim.closed and not is_closed(claim.reference.gap):
+        raise Broken("path: the end of the lap is not its start")
+    for index, (certificate, *_) in enumerate(claim.tubes):  # what takes longest comes last
+        report = check_tube(certificate)
+        if report.outcome is not Outcome.PROVEN:
+            raise Broken(f"tube {index}: {report.message}")
+    last = runs[-1]
+    pieces = claim.reference.pieces
+    finish = last.tube.level_after(claim.reference.length - pieces[last.begin].arc)
+    times = [(run.tube.timing, sum((p.duration for p in pieces[run.begin : run.end]), fmpq(0))) for run in runs]
+    arrival = (
+        sum((duration / fast for (_, fast), duration in times), fmpq(0)),
+        sum((duration / slow for (slow, _), duration in times), fmpq(0)),
+    )
+    margins = tuple(run.tube.margin for run in runs)
+    widths = ", ".join(decimal_text(sqrt_upper(run.tube.inverse[1, 1]), ROUND_CEILING) for run in runs)
+    values = ", ".join(f"{label} {about(value)}" for label, value in claim.parameters.items())
+    time = f"{decimal_text(arrival[0], ROUND_FLOOR)} to {decimal_text(arrival[1], ROUND_CEILING)} s"
+    ending = (
+        f"for ever, lap after lap of {time}"
+        if claim.closed
+        else f"until it arrives after {time} with V <= {decimal_text(finish, ROUND_CEILING)}"
+    )
+    message = (
+        f'PROVEN: the vehicle "{claim.vehicle}" ({values}) can be held in tubes along the path "{claim.name}", '
+        f"whose {len(pieces)} pieces of {about(claim.reference.length)} m stand in the file. Started with V < 1 in the "
+        f"first tube, under any law that enforces {about(LAW_SHARE)} of the tubes' margins, the car stays in them "
+        f"{ending}. Tubes in turn, by lateral half-width: {widths} m. Proven certificates: {len(tubes)}, links: "
+        f"{len(links)}."
+    )
+    return Report(Outcome.PROVEN, message, margins, arrival)
+
+
+def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
+    """Typed claims of a parsed file.
+
+    Raises:
+        Unreadable, Broken: as for other certificates.
+    """
+    fields = Item(document, "").record(
+        "format", "version", "claim", "hash", "vehicle", "path", "tubes", "runs", "levels"
+    )
+    if fields[0].value != FORMAT or fields[1].value != VERSION or isinstance(fields[1].value, bool):
+        raise Unreadable(f"this checker reads version {VERSION} of the format")
+    if not skip_hash and fields[3].value != document_hash(document):
+        raise Broken("hash: the content has changed since the hash was taken")
+    vehicle, parameters = fields[4].record("name", "parameters")
+    name, closed, start, pieces = fields[5].record("name", "closed", "start", "pieces")
+    if not isinstance(closed.value, bool):
+        closed.refuse("true or false")
+    tubes = []
+    for entry in fields[6].items(MOST_TUBES):
+        certificate, length, speed = entry.record("certificate", "length", "speed")
+        tubes.append((certificate.value, length.positive(), speed.positive()))
+    reference = _reference(start, pieces)
+    runs, begin = [], 0
+    for entry in fields[7].items(MOST_PIECES):
+        end, tube = entry.record("end", "tube")
+        runs.append((begin, end.integer(begin + 1, len(reference.pieces)), tube.integer(0, len(tubes) - 1)))
+        begin = runs[-1][1]
+    kind = vehicle.choice(*KNOWN_VEHICLES)
+    own = {label: value.positive() for label, value in parameters.entries(8)}
+    if set(own) != set(KNOWN_VEHICLES[kind].parameters):
+        parameters.refuse(f"the parameters of a {kind}")
+    levels = tuple(level.positive() for level in fields[8].items(MOST_PIECES, least=0))
+    return ChainClaim(name.text(), closed.value is True, kind, own, reference, tuple(tubes), tuple(runs), levels)
+
+
+def _reference(start: Item, pieces: Item) -> Reference:
+    """The path, whose speed has to be continuous as it stands; θ counts from the start of each segment."""
+    heading, x, y = (entry.rational() for entry in start.items(3, 3))
+    found: list[Piece] = []
+    arc = theta = fmpq(0)
+    for item in pieces.items(MOST_PIECES):
+        segment, duration, turn_rate, speed = item.record("segment", "duration", "turn_rate", "speed")
+        before = found[-1] if found else None
+        first = before.segment if before else 0
+        index = segment.integer(first, first + (1 if before else 0))
+        theta = theta if before is None or index == before.segment else fmpq(0)
+        turning, moving = _coefficients(turn_rate), _coefficients(speed)
+        piece = Piece(index, theta, duration.positive(), turning, moving, arc)
+        if before is not None and before.end_speed != moving[0]:
+            raise Broken(f"path: the speed jumps at piece {len(found)}")
+        found.append(piece)
+        theta, arc = theta + piece.duration, arc + piece.length
+    return Reference(tuple(found), ExactPose(heading, acb(arb(x), arb(y))))
+
+
+def _coefficients(item: Item) -> tuple[fmpq, ...]:
+    """Of a polynomial in ascending powers."""
+    found = tuple(entry.rational() for entry in item.items(MOST_COEFFICIENTS))
+    if max(map(bits, found)) > LONGEST:
+        item.refuse(f"coefficients of at most {LONGEST} bits")
+    return found

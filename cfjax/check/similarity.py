@@ -1,0 +1,56 @@
+"""Tubes for other cars: by what a car can do, and by similarity. Both are exact.
+
+A car that can do whatever the proven one can is held by the proven one's tube. And with lengths multiplied by L, speeds
+by S (so times by L/S, accelerations by S²/L) the kinematic bicycle is the same car again: a tube with C, λ and μ
+becomes D⁻¹ C D⁻¹ with D = diag(1, L, L, S), λ S/L and μ/L.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from flint import fmpq
+
+from cfjax.check.reference import CertifiedTube, Range
+from cfjax.check.vehicle import KNOWN_VEHICLES
+
+
+UNITS = {"w": fmpq(1), "u0": fmpq(1)}  # inputs without a unit; the others are accelerations
+
+
+def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
+    """The tube of the similar car: lengths multiplied by `length`, speeds by `speed`.
+
+    Raises:
+        ValueError: for scales that are not positive.
+    """
+    if not (length > 0 and speed > 0):
+        raise ValueError("similarity: expected positive scales of length and speed")
+    acceleration = speed**2 / length
+    axes = (fmpq(1), length, length, speed)
+
+    def times(factor: fmpq, bounds: Range) -> Range:
+        return bounds[0] * factor, bounds[1] * factor
+
+    origin = tube.origin
+    return replace(
+        tube,
+        parameters=KNOWN_VEHICLES[tube.vehicle].scaled(tube.parameters, length, speed),
+        curvature=times(1 / length, tube.curvature),
+        speed=times(speed, tube.speed),
+        acceleration=times(acceleration, tube.acceleration),
+        shape=[[c / (axes[i] * axes[j]) for j, c in enumerate(row)] for i, row in enumerate(tube.shape)],
+        margin=tube.margin * speed / length,
+        margin_per_metre=tube.margin_per_metre / length,
+        inputs={name: times(UNITS.get(name, acceleration), bounds) for name, bounds in tube.inputs.items()},
+        origin=None if origin is None else origin._replace(length=origin.length * length, speed=origin.speed * speed),
+    )
+
+
+def served(tube: CertifiedTube, own: Mapping[str, fmpq]) -> CertifiedTube | None:
+    """The tube for a car of the same kind with these parameters; None unless that can do what the proven one can."""
+    known = KNOWN_VEHICLES[tube.vehicle]
+    if not known.covers(own, tube.parameters):
+        return None
+    limits = {name: own[parameter] for name, parameter in known.limits.items()}
+    box = {name: (-limits[name], limits[name]) if name in limits else ends for name, ends in tube.inputs.items()}
+    return replace(tube, parameters=own, inputs=box)

@@ -1,0 +1,163 @@
+"""A path with its tubes in one file: replayed, and broken by every claim that is stretched."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cfjax
+from cfjax.check import Outcome, check_document, check_file
+from cfjax.check.document import document_hash
+from cfjax.errors import InputError
+from cfjax.problem import KinematicBicycle, Pose, Profile, Segment
+from cfjax.problem import Path as Course
+from cfjax.tubes import chain_document, library, write_chain
+from cfjax.tubes.follow import Following
+
+
+@pytest.fixture(scope="module")
+def following() -> Following:
+    return cfjax.follow(cfjax.oval(), closed=True)
+
+
+@pytest.fixture(scope="module")
+def text(following: Following) -> str:
+    return json.dumps(chain_document(following))
+
+
+@pytest.fixture
+def document(text: str) -> dict[str, Any]:
+    """A fresh copy to be spoiled."""
+    return json.loads(text)
+
+
+def renewed(document: dict[str, Any]) -> dict[str, Any]:
+    return {**document, "hash": document_hash(document)}
+
+
+def test_the_oval_is_proven_from_its_file(following: Following, tmp_path: Path) -> None:
+    write_chain(following, tmp_path / "oval.json")
+    report = check_file(tmp_path / "oval.json")
+    assert report.outcome is Outcome.PROVEN, report.message
+    assert 'along the path "oval"' in report.message and "for ever, lap after lap" in report.message
+    assert report.arrival is not None
+    earliest, latest = following.arrival
+    assert earliest <= float(report.arrival[0]) and float(report.arrival[1]) <= latest
+    assert latest / earliest == pytest.approx(4)
+
+
+def changing_speed() -> Course:
+    """From the slow tubes to the fast ones and back: links are needed."""
+    breaks = (0.0, 4.0, 7.0, 12.0, 15.0, 20.0)
+    speed = ((3.5,), (3.5, 0.0, 0.25, -0.25 / 4.5), (5.0 - 0.75,), (4.25, 0.0, -0.25, 0.25 / 4.5), (3.5,))
+    turn_rate = tuple((0.2,) for _ in speed)
+    return Course("fast", (Segment(Profile(breaks, turn_rate), Profile(breaks, speed), Pose(0.0, 0.0, 0.0)),))
+
+
+def test_links_and_another_car_are_replayed() -> None:
+    found = cfjax.follow(changing_speed())
+    assert len({run.tube.name for run in found.runs}) > 1
+    report = check_document(chain_document(found))
+    assert report.outcome is Outcome.PROVEN, report.message
+    assert f"links: {len(found.links)}" in report.message
+    small = cfjax.follow(cfjax.circle(1.0, 0.8), vehicle=KinematicBicycle(0.3, 1.0, 2.0))
+    report = check_document(chain_document(small))
+    assert report.outcome is Outcome.PROVEN, report.message
+    assert "(wheelbase 0.3, max_tan_steering 1, max_thrust 2)" in report.message
+
+
+def test_tubes_made_by_hand_have_no_file() -> None:
+    tube = next(tube for tube in library() if tube.name == "narrow-gentle-slow")
+    found = cfjax.follow(cfjax.circle(1.0, 1.0), [replace(tube, origin=None)])
+    with pytest.raises(InputError, match="read from files"):
+        chain_document(found)
+
+
+def tube_bounds(document: dict[str, Any]) -> dict[str, Any]:
+    return document["tubes"][0]["certificate"]["problem"]["path"]["segments"][0]
+
+
+SPOILED: dict[str, Callable[[dict[str, Any]], object]] = {
+    "faster": lambda d: [piece["speed"].__setitem__(0, "40") for piece in d["path"]["pieces"]],
+    "speed jumps": lambda d: d["path"]["pieces"][5]["speed"].__setitem__(0, "11/10"),
+    "curvature": lambda d: d["path"]["pieces"][9]["turn_rate"].__setitem__(0, "5/2"),
+    "spike": lambda d: d["path"]["pieces"][9].update(turn_rate=["0", "0", "900", "-9000"], duration="1/10"),
+    "standstill": lambda d: [piece.update(speed=["0"]) for piece in d["path"]["pieces"]],
+    "backwards": lambda d: [piece.update(speed=["-1"]) for piece in d["path"]["pieces"]],
+    "does not close": lambda d: (d["path"]["pieces"].pop(), d["runs"][-1].update(end=63)),
+    "longer": lambda d: d["path"]["pieces"][7].update(duration="2"),
+    "run too short": lambda d: d["runs"][-1].update(end=len(d["path"]["pieces"]) - 1),
+    "level too low": lambda d: d["levels"].__setitem__(0, "1/100"),
+    "level too high": lambda d: d["levels"].__setitem__(0, "2"),
+    "level missing": lambda d: d["levels"].pop(),
+    "weaker car": lambda d: d["vehicle"]["parameters"].update(max_thrust="3"),
+    "longer car": lambda d: d["vehicle"]["parameters"].update(wheelbase="7/20"),
+    "stretched tube": lambda d: d["tubes"][0].update(length="2"),
+    "faster tube": lambda d: d["tubes"][0].update(speed="2"),
+    "tube's margin": lambda d: d["tubes"][0]["certificate"]["funnels"][0].update(margin="100"),
+    "tube's bounds": lambda d: d["tubes"][0]["certificate"]["problem"]["path"]["segments"][0].update(
+        curvature=["-3", "3"]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SPOILED)
+def test_stretched_claims_are_broken(document: dict[str, Any], name: str) -> None:
+    SPOILED[name](document)
+    for tube in document["tubes"]:
+        tube["certificate"] = renewed(tube["certificate"])
+    report = check_document(renewed(document))
+    assert report.outcome is Outcome.BROKEN, report.message
+    assert "\n" not in report.message
+
+
+def test_the_hash_is_looked_at(document: dict[str, Any]) -> None:
+    document["path"]["name"] = "another"
+    assert check_document(document).message.startswith("hash:")
+    assert check_document(document, skip_hash=True).outcome is Outcome.PROVEN
+
+
+UNREADABLE: dict[str, Callable[[dict[str, Any]], object]] = {
+    "a chain in a chain": lambda d: d["tubes"][0].update(certificate=json.loads(json.dumps(d))),
+    "no tube": lambda d: d.update(tubes=[]),
+    "unknown tube": lambda d: d["runs"][0].update(tube=1),
+    "run backwards": lambda d: d["runs"].append({"end": 3, "tube": 0}),
+    "version": lambda d: d.update(version=1),
+    "vehicle": lambda d: d["vehicle"].update(name="hovercraft"),
+    "parameter": lambda d: d["vehicle"]["parameters"].pop("wheelbase"),
+    "closed": lambda d: d["path"].update(closed=1),
+    "segments": lambda d: d["path"]["pieces"][0].update(segment=1),
+    "duration": lambda d: d["path"]["pieces"][0].update(duration="0"),
+    "field": lambda d: d.update(more=1),
+    "long": lambda d: d["path"]["pieces"][0]["speed"].append("1/" + "3" * 200),
+    "many": lambda d: d["path"].update(pieces=d["path"]["pieces"] * 40),
+    "float": lambda d: d["path"]["pieces"][0]["speed"].__setitem__(0, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_what_is_no_chain_is_unreadable(document: dict[str, Any], name: str) -> None:
+    UNREADABLE[name](document)
+    report = check_document(renewed(document))
+    assert report.outcome is Outcome.UNREADABLE, report.message
+
+
+def test_wild_paths_do_not_keep_the_checker_busy(document: dict[str, Any]) -> None:
+    """Polynomials of the highest degree with the longest coefficients, as many pieces as are taken."""
+    rng = np.random.default_rng(0)
+
+    def wild() -> list[str]:
+        return [f"{rng.integers(1, 9)}{''.join(map(str, rng.integers(0, 10, 80)))}/{10**80 + 1}" for _ in range(8)]
+
+    for spin in ("1", "1000000"):
+        piece = {"segment": 0, "duration": "1/100", "turn_rate": [spin, *wild()[1:]], "speed": ["1"]}
+        document["path"]["pieces"] = [dict(piece) for _ in range(1000)]
+        document["runs"] = [{"end": 1000, "tube": 0}]
+        begin = time.perf_counter()
+        assert check_document(renewed(document)).outcome is Outcome.BROKEN
+        assert time.perf_counter() - begin < 60  # a hang, not a benchmark: it takes seconds
