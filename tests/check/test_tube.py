@@ -69,7 +69,7 @@ def test_a_proven_tube_says_what_it_is_about(tube_text: str, deep_text: str) -> 
     report = check_document(json.loads(deep_text))
     assert report.outcome is Outcome.PROVEN
     per_metre = float(report.margin_per_metre)
-    found = re.search(r"inside V <= 0.5 after ([0-9.]+) m", report.message)
+    found = re.search(r"inside V <= 0.5 within ([0-9.]+) m", report.message)
     assert found is not None
     way = (0.1 + 0.9 * math.log(0.9 / 0.5)) / per_metre  # ∫ dV / (μ min(1, V/β̲)) from β_in to 1
     assert way <= float(found[1]) <= way * (1 + 1e-4)
