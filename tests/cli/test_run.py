@@ -171,7 +171,8 @@ def test_sweep_survives_a_crash(
 
 
 SLEEPER = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it from the start
 import cfjax.synthesis, cfjax.train
 cfjax.synthesis.search = lambda *_: (print("asleep", flush=True), time.sleep(100))
 sys.argv = ["train", "+path=circle", "hydra.run.dir=here"]
