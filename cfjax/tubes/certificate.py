@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from cfjax.certificate.writing import dump
 from cfjax.check.chain import CHAIN
 from cfjax.check.document import FORMAT, VERSION, document_hash
 from cfjax.check.rational import rational
@@ -62,4 +61,6 @@ def write_chain(following: Following, path: str | Path) -> None:
     Raises:
         InputError: as `chain_document`; OSError where the file cannot be written.
     """
+    from cfjax.certificate.writing import dump  # here, for the solvers come with it
+
     Path(path).write_text(dump(chain_document(following)), encoding="ascii")
