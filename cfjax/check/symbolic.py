@@ -10,6 +10,7 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax.check.enclosure import Domain, Enclosure
 from cfjax.check.graph import Graph
+from cfjax.check.reader import Broken
 
 
 REFERENCE = ("turn_rate", "speed", "turn_rate_slope", "speed_slope")
@@ -33,11 +34,15 @@ class Symbolic:
         return dict(zip(self.names, self.domain.ring.gens(), strict=False))
 
     def of(self, function: str, argument: str) -> fmpq_mpoly:
-        """The symbol that stands for a function of a named quantity; zero, which is nothing's symbol, where unused."""
+        """The symbol that stands for a function of a named quantity.
+
+        Raises:
+            Broken: the dynamics do not apply it. (Nothing may stand for it: zero would match dynamics that lack it.)
+        """
         for index, (name, value) in self.functions.items():
             if name == function and value == self.symbols[argument]:
                 return self.domain.ring.gens()[index]
-        return self.domain.ring.constant(0)
+        raise Broken(f"vehicle: the dynamics in the file apply no {function} to {argument}")
 
 
 def symbolic(graph: Graph, states: tuple[str, ...], inputs: tuple[str, ...]) -> Symbolic:
