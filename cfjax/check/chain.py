@@ -90,7 +90,7 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
     claim = read_chain(document, skip_hash)
     tubes = []
     for index, (certificate, length, speed) in enumerate(claim.tubes):
-        tube = tube_of(certificate, f"tube {index}")  # refuses everything that is none, a chain in a chain too
+        tube = tube_of(certificate, str(index))  # refuses everything that is none, a chain in a chain too
         if tube.vehicle != claim.vehicle:
             raise Broken(f"tube {index}: it is proven for another vehicle")
         own = served(scaled(tube, length, speed), claim.parameters)

@@ -82,37 +82,44 @@ def tube_bounds(document: dict[str, Any]) -> dict[str, Any]:
     return document["tubes"][0]["certificate"]["problem"]["path"]["segments"][0]
 
 
-SPOILED: dict[str, Callable[[dict[str, Any]], object]] = {
-    "faster": lambda d: [piece["speed"].__setitem__(0, "40") for piece in d["path"]["pieces"]],
-    "speed jumps": lambda d: d["path"]["pieces"][5]["speed"].__setitem__(0, "11/10"),
-    "curvature": lambda d: d["path"]["pieces"][9]["turn_rate"].__setitem__(0, "5/2"),
-    "spike": lambda d: d["path"]["pieces"][9].update(turn_rate=["0", "0", "900", "-9000"], duration="1/10"),
-    "standstill": lambda d: [piece.update(speed=["0"]) for piece in d["path"]["pieces"]],
-    "backwards": lambda d: [piece.update(speed=["-1"]) for piece in d["path"]["pieces"]],
-    "does not close": lambda d: (d["path"]["pieces"].pop(), d["runs"][-1].update(end=63)),
-    "longer": lambda d: d["path"]["pieces"][7].update(duration="2"),
-    "run too short": lambda d: d["runs"][-1].update(end=len(d["path"]["pieces"]) - 1),
-    "level too low": lambda d: d["levels"].__setitem__(0, "1/100"),
-    "level too high": lambda d: d["levels"].__setitem__(0, "2"),
-    "level missing": lambda d: d["levels"].pop(),
-    "weaker car": lambda d: d["vehicle"]["parameters"].update(max_thrust="3"),
-    "longer car": lambda d: d["vehicle"]["parameters"].update(wheelbase="7/20"),
-    "stretched tube": lambda d: d["tubes"][0].update(length="2"),
-    "faster tube": lambda d: d["tubes"][0].update(speed="2"),
-    "tube's margin": lambda d: d["tubes"][0]["certificate"]["funnels"][0].update(margin="100"),
-    "tube's bounds": lambda d: d["tubes"][0]["certificate"]["problem"]["path"]["segments"][0].update(
-        curvature=["-3", "3"]
+SPIKE = {"turn_rate": ["0", "0", "1800", "-18000"], "duration": "1/10"}  # 2.67 1/m in the middle, 0 at the ends
+SPOILED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
+    "too fast": (lambda d: [piece.update(speed=["40"]) for piece in d["path"]["pieces"]], "leaves tube 0"),
+    "speed jumps": (lambda d: d["path"]["pieces"][5]["speed"].__setitem__(0, "11/10"), "speed jumps at piece 5"),
+    "curvature": (lambda d: d["path"]["pieces"][9]["turn_rate"].__setitem__(0, "5/2"), "leaves tube"),
+    "spike": (lambda d: d["path"]["pieces"][9].update(SPIKE), "leaves tube"),
+    "standstill": (lambda d: [piece.update(speed=["0"]) for piece in d["path"]["pieces"]], "leaves tube"),
+    "backwards": (lambda d: [piece.update(speed=["-1"]) for piece in d["path"]["pieces"]], "leaves tube"),
+    "does not close": (lambda d: (d["path"]["pieces"].pop(), d["runs"][-1].update(end=63)), "does not hand over"),
+    "longer": (lambda d: d["path"]["pieces"][7].update(duration="2"), "does not hand over"),
+    "run too short": (
+        lambda d: d["runs"][-1].update(end=len(d["path"]["pieces"]) - 1),
+        "from the first piece to the last",
     ),
+    "level too low": (lambda d: d["levels"].__setitem__(0, "1/100"), "does not hand over"),
+    "level too high": (lambda d: d["levels"].__setitem__(0, "2"), "does not hand over"),
+    "level missing": (lambda d: d["levels"].pop(), "expected 1 levels"),
+    "weaker car": (lambda d: d["vehicle"]["parameters"].update(max_thrust="3"), "can do what this one cannot"),
+    "longer car": (lambda d: d["vehicle"]["parameters"].update(wheelbase="7/20"), "can do what this one cannot"),
+    "stretched tube": (lambda d: d["tubes"][0].update(length="2"), "leaves tube 0"),
+    "faster tube": (lambda d: d["tubes"][0].update(speed="2"), "can do what this one cannot"),
+    "tube's margin": (
+        lambda d: d["tubes"][0]["certificate"]["funnels"][0].update(margin="100"),
+        "margin 100 1/s claimed",
+    ),
+    "tube's bounds": (lambda d: tube_bounds(d).update(curvature=["-3", "3"]), "tube 0: condition (d)"),
 }
 
 
 @pytest.mark.parametrize("name", SPOILED)
 def test_stretched_claims_are_broken(document: dict[str, Any], name: str) -> None:
-    SPOILED[name](document)
+    spoil, words = SPOILED[name]
+    spoil(document)
     for tube in document["tubes"]:
         tube["certificate"] = renewed(tube["certificate"])
     report = check_document(renewed(document))
     assert report.outcome is Outcome.BROKEN, report.message
+    assert words in report.message
     assert "\n" not in report.message
 
 
