@@ -1,7 +1,7 @@
 """What a synthesis returns: one typed object with verdict, message, funnels, margins and statistics."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -9,6 +9,14 @@ from jaxtyping import Float
 from cfjax.funnel import Funnel
 from cfjax.problem import Problem
 from cfjax.verdict import Verdict
+
+
+class StretchMargin(NamedTuple):
+    """The margin proven on a stretch of a segment: θ from begin to end (s), λ in 1/s."""
+
+    begin: float
+    end: float
+    margin: float
 
 
 @dataclass(frozen=True)
@@ -21,6 +29,7 @@ class SegmentResult:
     margin_per_metre: float | None = None  # proven for a tube: V' <= -margin_per_metre v_r, 1/m
     contraction: float | None = None  # of a tube: m of the path until V <= 1 has become V <= beta_inner, at that margin
     margin_sos: float | None = None  # optimum of the numerical sums-of-squares program
+    stretches: tuple[StretchMargin, ...] = ()  # along θ, where the segment was proven in several
 
 
 @dataclass(frozen=True)

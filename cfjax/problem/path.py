@@ -19,6 +19,9 @@ from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval
 
 
+MEETS = 1e-9  # rad, m and m/s: what is left of them in floating point where one stretch joins another
+
+
 class Pose(NamedTuple):
     """Heading in rad (0 looks along +y), position in m, inertial frame."""
 
@@ -135,6 +138,19 @@ class Path:
     def curve(self) -> tuple[Segment, ...]:
         """The segments of a path that has a course; none for a tube."""
         return tuple(segment for segment in self.segments if isinstance(segment, Segment))
+
+    @property
+    def closed(self) -> bool:
+        """Whether its end meets its start, in pose and speed: the same lap can be driven again."""
+        curve = self.curve
+        if not curve:
+            return False
+        first, last = curve[0], curve[-1]
+        alpha, x, y = last.poses(np.array([last.duration]))[0]
+        turn = alpha - first.start.alpha
+        apart = (turn - 2 * np.pi * round(turn / (2 * np.pi)), x - first.start.x, y - first.start.y)
+        speed = last.point(last.duration).speed - first.point(0.0).speed
+        return max(map(abs, apart)) <= MEETS and abs(speed) <= MEETS
 
     @property
     def tube(self) -> Tube | None:

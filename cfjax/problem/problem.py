@@ -9,12 +9,14 @@ import numpy as np
 
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint, affine_deviation
+from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances
 from cfjax.problem.path import Path, Segment
 from cfjax.problem.sets import Box, Ellipsoid, ball
 from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Vehicle
 
 
+POSES = 401  # per segment, at which the reference's distance from obstacles is looked at
 FOLLOWS = 1e-9  # relative: inputs that leave less than this of the reference's rate hold the vehicle on it
 
 
@@ -35,9 +37,11 @@ class Problem:
     """
 
     path: Path
-    inlet: Ellipsoid = field(default_factory=lambda: ball(0.5))  # I, at θ = 0 of each segment; of a tube, anywhere
-    goal: Ellipsoid = field(default_factory=lambda: ball(0.5))  # G, at θ = T; of a tube, everywhere
+    inlet: Ellipsoid = field(default_factory=lambda: ball(0.5))  # I, at the path's start; of a tube, anywhere
+    goal: Ellipsoid = field(default_factory=lambda: ball(0.5))  # G, at the path's end; of a tube, everywhere
     safe: Box | None = None  # S, at every θ
+    obstacles: tuple[Obstacle, ...] = ()  # S too: the footprint, wherever the vehicle is, touches none of them
+    footprint: tuple[FootprintDisc, ...] = (FootprintDisc(),)
     vehicle: Vehicle = field(default_factory=KinematicBicycle)
     method: Method = Method.PF
     timing: Interval = Interval(0.5, 2.0)  # u0 for PF; TT has u0 = 1 whatever stands here
@@ -76,6 +80,7 @@ class Problem:
                 self._check_tube(segment)
             else:
                 self._check_reference(index, segment)
+        self._check_obstacles()
 
     @property
     def inputs(self) -> tuple[Interval, ...]:
@@ -130,6 +135,31 @@ class Problem:
                         f"path.curvature: expected at most {largest:.4g} 1/m either way, which is what this vehicle's "
                         f"inputs allow; {point.turn_rate / point.speed:g} 1/m needs {excess}"
                     )
+
+    def _check_obstacles(self) -> None:
+        """The reference itself has to clear every obstacle, or nothing that surrounds it does."""
+        if not self.footprint:
+            raise InputError("vehicle.footprint: expected at least one disc")
+        for disc in self.footprint:
+            if not (0 <= disc.radius < math.inf and math.isfinite(disc.offset)):
+                raise InputError(
+                    f"vehicle.footprint: expected discs [radius, offset] in m, no radius below zero, got {list(disc)}"
+                )
+        if self.obstacles and self.path.tube:
+            raise InputError("sets.obstacles: expected none for a tube, which has no place")
+        for index, segment in enumerate(self.path.curve if self.obstacles else ()):
+            theta = np.linspace(0.0, segment.duration, POSES)
+            for number, obstacle in enumerate(self.obstacles):
+                for radius, centres in disc_centres(self.footprint, segment.poses(theta)):
+                    apart, _ = distances(obstacle, centres)
+                    worst = int(np.argmin(apart))
+                    if apart[worst] <= radius:
+                        x, y = centres[worst]
+                        raise InputError(
+                            f"path: segment {index} at theta = {theta[worst]:.4g} s, ({x:.4g}, {y:.4g}) m, comes "
+                            f"within {apart[worst]:.4g} m of obstacle {number}; expected more than the vehicle's "
+                            f"radius there, {radius:g} m"
+                        )
 
     def _excess(self, point: ReferencePoint) -> str:
         """The input that leaves its limits where the vehicle follows this reference without deviation; or nothing."""
