@@ -1,6 +1,8 @@
 """The main command: look for a certified funnel and write a run folder.
 
-    python -m cfjax.train +path=circle [group=choice] [key=value …]
+    python -m cfjax.train [+path=NAME] [group=choice] [key=value …]
+
+Without a path it is the oval at 1 m/s.
 
 Exit code: 0 certified; 1 not certified, the verdict says which; 2 bad configuration or input, one line on stderr;
 130 interrupted. A sweep (-m) ends with 0 when every job ran to a verdict, 1 when one crashed, 2 when the input of one
@@ -48,7 +50,7 @@ class Checks(Callback):
         Checks.composed = True
         folder = Path(config.hydra.run.dir)
         try:
-            _question(config)
+            _question(config, Path(config.hydra.runtime.cwd))
             refuse_finished(folder)
             folder.mkdir(parents=True, exist_ok=True)
         except InputError as error:
@@ -94,12 +96,15 @@ def _main() -> int:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from cfjax.conf import one_line
+    from cfjax.conf import one_line, with_path
     from cfjax.errors import InputError
 
-    _, unknown = get_args_parser().parse_known_args()
+    given, unknown = get_args_parser().parse_known_args()
     if unknown:
         return _refuse(f"expected key=value or a flag of --help, got {' '.join(unknown)}")
+    if not (given.shell_completion or given.experimental_rerun):  # which have no question or bring their own
+        begin = sys.argv.index(given.overrides[0], 1) if given.overrides else 1
+        sys.argv[begin : begin + len(given.overrides)] = with_path(given.overrides)
     results: list[Result] = []
 
     @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
@@ -142,7 +147,7 @@ def run_job(node: "DictConfig") -> "Result | None":
     context = HydraConfig.get()
     folder = Path(context.runtime.output_dir)
     try:
-        return run(*_question(node), folder)
+        return run(*_question(node, Path(context.runtime.cwd)), folder)
     except Exception as error:
         if context.mode != RunMode.MULTIRUN:
             raise
@@ -157,7 +162,7 @@ def run_job(node: "DictConfig") -> "Result | None":
 
 def run(config: "Config", problem: "Problem", options: "Options", folder: Path) -> "Result":
     """Search, write the run folder, log, and say what came out. Cars are driven when the proof is safe on disk."""
-    from cfjax.conf import yaml_of
+    from cfjax.conf import waypoint_file, yaml_of
     from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import refuse_finished, write_run
@@ -165,10 +170,16 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
     from cfjax.synthesis import drive, search
 
     refuse_finished(folder)
+    points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
     with progress_on() as progress:
         result = search(problem, options, progress)
         result = write_run(
-            result, folder, yaml_of(config), save_picture, drive=lambda proven: drive(proven, options, progress)
+            result,
+            folder,
+            yaml_of(config),
+            save_picture,
+            drive=lambda proven: drive(proven, options, progress),
+            points=points,
         )
     if config.logger == "wandb":
         track(result, config, folder)
@@ -210,16 +221,18 @@ def _sizes(result: "Result") -> str:
     return f"inlet {result.problem.inlet.half_axes[0]:.4g} in {states[0]}; funnel's half-widths {widths}"
 
 
-def _question(node: "DictConfig") -> "tuple[Config, Problem, Options]":
+def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, Options]":
     """Typed configuration, problem and options; raises InputError where one of them cannot be."""
     from omegaconf import open_dict
 
-    from cfjax.conf import options_of, problem_of, typed
+    from cfjax.conf import options_of, problem_of, typed, waypoint_file, with_waypoint_file
 
     node = node.copy()
     with open_dict(node):
         node.pop("hydra", None)
     config = typed(node)
+    if file := waypoint_file(config):
+        config = with_waypoint_file(config, started_in / file)
     return config, problem_of(config), options_of(config)
 
 

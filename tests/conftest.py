@@ -11,6 +11,7 @@ from jaxtyping import install_import_hook
 install_import_hook("cfjax", "beartype.beartype")  # before the package is imported
 
 from collections.abc import Callable  # noqa: E402
+from pathlib import Path  # noqa: E402
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
@@ -47,5 +48,19 @@ def hand_made() -> Callable[..., Result]:
             iterations=2,
             history=({"margin_falsified": 0.25, "counterexamples": 3.0}, {"margin_falsified": 1 / 3}),
         ).replace(**changes)
+
+    return make
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[..., Path]:
+    """A file of points x + iy and, if given, speeds."""
+
+    def make(points: np.ndarray, speed: np.ndarray | None = None, header: str | None = None) -> Path:
+        file = tmp_path / "points.csv"
+        columns = [points.real, points.imag, *([] if speed is None else [speed])]
+        lines = [",".join(repr(float(value)) for value in row) for row in zip(*columns, strict=True)]
+        file.write_text("\n".join([*([header] if header else []), *lines]) + "\n")
+        return file
 
     return make

@@ -6,7 +6,19 @@ package so that the presets travel with it.
 
 from hydra.core.config_store import ConfigStore
 
-from cfjax.conf.build import config_of, one_line, options_of, preset, preset_names, problem_of, typed, yaml_of
+from cfjax.conf.build import (
+    config_of,
+    one_line,
+    options_of,
+    preset,
+    preset_names,
+    problem_of,
+    typed,
+    waypoint_file,
+    with_path,
+    with_waypoint_file,
+    yaml_of,
+)
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config
 
 
@@ -19,6 +31,9 @@ __all__ = [
     "preset_names",
     "problem_of",
     "typed",
+    "waypoint_file",
+    "with_path",
+    "with_waypoint_file",
     "yaml_of",
 ]
 

@@ -1,6 +1,7 @@
 """From a configuration to the objects of `cfjax.problem` and `cfjax.synthesis`, by their plain constructors."""
 
 import dataclasses
+import pathlib
 from collections.abc import Sequence
 from importlib import resources
 from typing import Any
@@ -9,11 +10,26 @@ from hydra import compose, initialize_config_module
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig
+from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig, WaypointsConfig
 from cfjax.errors import InputError
 from cfjax.funnel import Objective
 from cfjax.options import Options
-from cfjax.problem import Box, Ellipsoid, Interval, Method, Path, Problem
+from cfjax.problem import (
+    Box,
+    Disc,
+    Ellipsoid,
+    FootprintDisc,
+    Interval,
+    Method,
+    Obstacle,
+    Path,
+    Polygon,
+    Problem,
+    Vehicle,
+)
+
+
+DEFAULT_PATH = "oval"
 
 
 def typed(node: DictConfig) -> Config:
@@ -27,8 +43,6 @@ def typed(node: DictConfig) -> Config:
         raise InputError("; ".join(unknown))
     removed = {field.name for field in dataclasses.fields(Config)} - {str(key) for key in node}  # by ~key
     missing = sorted(OmegaConf.missing_keys(node) | removed)  # no default stands in: ~sets would mean no S
-    if "path" in missing:
-        raise InputError(f"path: expected +path=NAME with one of {', '.join(preset_names())}, got none")
     if missing:
         raise InputError(f"expected a value for {', '.join(missing)}, got none")
     try:
@@ -51,6 +65,15 @@ def preset_names() -> list[str]:
     """The paths that come with the package."""
     presets = resources.files("cfjax.conf") / "path"
     return sorted(entry.name.removesuffix(".yaml") for entry in presets.iterdir() if entry.name.endswith(".yaml"))
+
+
+def with_path(overrides: Sequence[str]) -> list[str]:
+    """The overrides of a command line, with the default path where they choose none.
+
+    A default in Hydra's own list would refuse +path=NAME.
+    """
+    groups = [override.lstrip("+~").partition("=")[0].partition("@")[0] for override in overrides]
+    return [*overrides] if "path" in groups else [f"+path={DEFAULT_PATH}", *overrides]
 
 
 def preset(name: str, overrides: Sequence[str] = ()) -> Config:
@@ -94,6 +117,16 @@ def config_of(text: str) -> Config:
     return typed(node)
 
 
+def waypoint_file(config: Config) -> pathlib.Path | None:
+    """The file whose points the path goes through, if it is such a path."""
+    return pathlib.Path(config.path.file) if isinstance(config.path, WaypointsConfig) else None
+
+
+def with_waypoint_file(config: Config, file: pathlib.Path) -> Config:
+    """The same configuration with the points in another place."""
+    return dataclasses.replace(config, path=dataclasses.replace(config.path, file=str(file)))
+
+
 def problem_of(config: Config) -> Problem:
     """The question that the configuration asks; raises InputError where it cannot be asked."""
     methods = {method.value: method for method in Method}
@@ -105,10 +138,12 @@ def problem_of(config: Config) -> Problem:
     dimension = len(vehicle.state_names)
     safe = config.sets.safe
     return Problem(
-        path=_path_of(config.path),
+        path=_path_of(config.path, vehicle),
         inlet=Ellipsoid(_half_axes("sets.inlet", config.sets.inlet, dimension)),
         goal=Ellipsoid(_half_axes("sets.goal", config.sets.goal, dimension)),
         safe=None if safe is None else Box(_half_axes("sets.safe", safe, dimension)),
+        obstacles=_obstacles(config.sets.obstacles),
+        footprint=_footprint(config.vehicle.footprint),
         vehicle=vehicle,
         method=methods[config.method],
         timing=Interval(*config.timing),
@@ -126,8 +161,6 @@ def one_line(error: BaseException) -> str:
     """An error's message without line breaks and without the library's own bookkeeping."""
     text = str(error)
     if isinstance(error, ConfigKeyError | ConfigAttributeError) and isinstance(error.parent_node, DictConfig):
-        if str(error.full_key).startswith("path.") and not error.parent_node:
-            return f"path: expected +path=NAME with one of {', '.join(preset_names())}, got none"
         return f"{error.full_key}: no such key; expected one of {', '.join(map(str, error.parent_node))}"
     if key := getattr(error, "full_key", None):
         message = str(getattr(error, "msg", None) or text).strip().splitlines()[0]
@@ -137,10 +170,10 @@ def one_line(error: BaseException) -> str:
     return " ".join(kept) or type(error).__name__
 
 
-def _path_of(config: PathConfig) -> Path:
+def _path_of(config: PathConfig, vehicle: Vehicle) -> Path:
     """The path; where its numbers, each good by itself, make none together, the message names their keys."""
     try:
-        return config.build()
+        return config.build(vehicle)
     except (InputError, ArithmeticError) as error:
         if str(error).startswith("path."):
             raise
@@ -151,12 +184,51 @@ def _path_of(config: PathConfig) -> Path:
 
 def _half_axes(label: str, value: Any, dimension: int) -> tuple[float, ...]:
     given = value if isinstance(value, Sequence) and not isinstance(value, str) else [value] * dimension
-    numbers = [float(number) for number in given if isinstance(number, int | float) and not isinstance(number, bool)]
-    if len(numbers) != len(given):
+    numbers = _numbers(given)
+    if numbers is None:
         raise InputError(f"{label}: expected a number or a list of {dimension} numbers, got {value}")
     if not all(0 < number < float("inf") for number in numbers):
         raise InputError(f"{label}: expected positive finite numbers, got {value}")
     return tuple(numbers)
+
+
+def _numbers(given: Any, count: int | None = None) -> list[float] | None:
+    """The list as numbers, so many if a count is given; None where it is no such list."""
+    if not isinstance(given, Sequence) or isinstance(given, str) or count not in (None, len(given)):
+        return None
+    good = all(isinstance(number, int | float) and not isinstance(number, bool) for number in given)
+    return [float(number) for number in given] if good else None
+
+
+def _pairs(given: Any) -> tuple[tuple[float, float], ...] | None:
+    """The list as pairs of numbers; None where it is no such list."""
+    rows = [_numbers(row, 2) for row in given] if isinstance(given, list) else [None]
+    pairs = tuple((row[0], row[1]) for row in rows if row)
+    return pairs if len(pairs) == len(rows) else None
+
+
+def _obstacles(value: Any) -> tuple[Obstacle, ...]:
+    if not isinstance(value, list):
+        raise InputError(f"sets.obstacles: expected a list, empty for none, got {value}")
+    return tuple(map(_obstacle, value))
+
+
+def _obstacle(entry: Any) -> Obstacle:
+    (kind, shape), *more = entry.items() if isinstance(entry, dict) and entry else [("", None)]
+    if kind == "disc" and not more and (numbers := _numbers(shape, 3)):
+        return Disc(*numbers)
+    if kind == "polygon" and not more and (corners := _pairs(shape)) is not None:
+        return Polygon(corners)
+    raise InputError(
+        f"sets.obstacles: expected entries {{disc: [x, y, radius]}} or {{polygon: [[x, y], ...]}}, got {entry}"
+    )
+
+
+def _footprint(value: Any) -> tuple[FootprintDisc, ...]:
+    discs = _pairs(value)
+    if discs is None:
+        raise InputError(f"vehicle.footprint: expected a list of discs [radius, offset], got {value}")
+    return tuple(FootprintDisc(radius, offset) for radius, offset in discs)
 
 
 def _unknown_keys(node: Any, prefix: str) -> list[str]:

@@ -14,7 +14,22 @@ from omegaconf import MISSING
 
 from cfjax.errors import InputError
 from cfjax.options import Options
-from cfjax.problem import Interval, KinematicBicycle, Path, Vehicle, circle, straight, tube
+from cfjax.problem import (
+    Interval,
+    KinematicBicycle,
+    Path,
+    Vehicle,
+    circle,
+    ellipse,
+    figure_eight,
+    obstacle_path,
+    oval,
+    slalom,
+    straight,
+    tube,
+    waypoints,
+)
+from cfjax.problem.waypoints import SEGMENT_LENGTH
 
 
 @dataclass
@@ -25,8 +40,8 @@ class PathConfig(abc.ABC):
     kind: str = MISSING
 
     @abc.abstractmethod
-    def build(self) -> Path:
-        """The path, under the preset's name."""
+    def build(self, vehicle: Vehicle) -> Path:
+        """The path, under the preset's name; the vehicle matters where the path's speed is made for it."""
 
 
 @dataclass
@@ -35,7 +50,7 @@ class StraightConfig(PathConfig):
     length: float = 4.0  # m
     speed: float = 2.0  # m/s
 
-    def build(self) -> Path:
+    def build(self, vehicle: Vehicle) -> Path:
         return Path(self.name, straight(self.length, self.speed).segments)
 
 
@@ -46,8 +61,95 @@ class CircleConfig(PathConfig):
     speed: float = np.pi / 2  # m/s
     laps: float = 1.0
 
-    def build(self) -> Path:
+    def build(self, vehicle: Vehicle) -> Path:
         return Path(self.name, circle(self.radius, self.speed, self.laps).segments)
+
+
+@dataclass
+class OvalConfig(PathConfig):
+    kind: str = "oval"
+    speed: float = 1.0  # m/s
+
+    def build(self, vehicle: Vehicle) -> Path:
+        return Path(self.name, oval(self.speed).segments)
+
+
+@dataclass
+class EllipseConfig(PathConfig):
+    kind: str = "ellipse"
+    a: float = 2.0  # m, half axis along x
+    b: float = 1.0  # m, half axis along y
+    speed: float = 1.0  # m/s
+    segments: int = 2  # of each lap
+    laps: int = 1
+
+    def build(self, vehicle: Vehicle) -> Path:
+        return Path(self.name, ellipse(self.a, self.b, self.speed, self.segments, self.laps).segments)
+
+
+@dataclass
+class FigureEightConfig(PathConfig):
+    kind: str = "figure_eight"
+    size: float = 2.0  # m from the crossing to the farthest point
+    speed: float = 1.0  # m/s
+
+    def build(self, vehicle: Vehicle) -> Path:
+        return Path(self.name, figure_eight(self.size, self.speed).segments)
+
+
+@dataclass
+class SlalomConfig(PathConfig):
+    kind: str = "slalom"
+    length: float = 12.0  # m
+    amplitude: float = 0.5  # m
+    periods: int = 3
+    speed: float = 1.0  # m/s
+
+    def build(self, vehicle: Vehicle) -> Path:
+        return Path(self.name, slalom(self.length, self.amplitude, self.periods, self.speed).segments)
+
+
+@dataclass
+class ObstacleConfig(PathConfig):
+    kind: str = "obstacle"
+    speed: float = 2.0  # m/s
+
+    def build(self, vehicle: Vehicle) -> Path:
+        return Path(self.name, obstacle_path(self.speed).segments)
+
+
+@dataclass
+class WaypointsConfig(PathConfig):
+    """The points of a CSV file; what the other keys mean: `cfjax.problem.waypoints`."""
+
+    kind: str = "waypoints"
+    file: str = MISSING  # relative to where the command was started
+    closed: bool | None = None  # null: where the last point repeats the first
+    speed: float | None = None  # m/s at most; null: what the file says, or 2
+    lateral_acceleration: float = 4.0  # m/s²
+    acceleration: float | None = 1.0  # m/s²; null: what thrust allows
+    reserve: float = 0.2  # part of steering and of thrust
+    segment_length: float = SEGMENT_LENGTH  # m
+    smoothing: float = 0.0  # m
+
+    def build(self, vehicle: Vehicle) -> Path:
+        if not isinstance(vehicle, KinematicBicycle):
+            raise InputError("path.kind: expected vehicle.kind=bicycle, for whose steering the speed is made")
+        try:
+            path = waypoints(
+                self.file,
+                closed=self.closed,
+                speed=self.speed,
+                lateral_acceleration=self.lateral_acceleration,
+                acceleration=self.acceleration,
+                reserve=self.reserve,
+                vehicle=vehicle,
+                segment_length=self.segment_length,
+                smoothing=self.smoothing,
+            )
+        except InputError as error:
+            raise InputError(str(error) if str(error).startswith("path.") else f"path.file: {error}") from error
+        return Path(self.name, path.segments)
 
 
 @dataclass
@@ -59,7 +161,7 @@ class TubeConfig(PathConfig):
     curvature: Any = 1.0  # 1/m
     acceleration: Any = 0.0  # dv/dtheta, m/s²
 
-    def build(self) -> Path:
+    def build(self, vehicle: Vehicle) -> Path:
         bounds = {label: _bounds(label, getattr(self, label)) for label in ("speed", "curvature", "acceleration")}
         return Path(self.name, tube(**bounds).segments)
 
@@ -78,14 +180,25 @@ def _bounds(label: str, value: Any) -> float | Interval:
         ) from None
 
 
-PATH_KINDS: dict[str, type[PathConfig]] = {"straight": StraightConfig, "circle": CircleConfig, "tube": TubeConfig}
+PATH_KINDS: dict[str, type[PathConfig]] = {
+    "straight": StraightConfig,
+    "circle": CircleConfig,
+    "oval": OvalConfig,
+    "ellipse": EllipseConfig,
+    "figure_eight": FigureEightConfig,
+    "slalom": SlalomConfig,
+    "obstacle": ObstacleConfig,
+    "waypoints": WaypointsConfig,
+    "tube": TubeConfig,
+}
 
 
 @dataclass
 class VehicleConfig(abc.ABC):
-    """A vehicle with numbers; `kind` says which of these classes it is."""
+    """A vehicle with numbers; `kind` says which of these classes it is. Its body: discs [radius, offset], m."""
 
     kind: str = MISSING
+    footprint: Any = field(default_factory=lambda: [[0.25, 0.0]])  # only obstacles ask for it
 
     @abc.abstractmethod
     def build(self) -> Vehicle: ...
@@ -107,11 +220,15 @@ VEHICLE_KINDS: dict[str, type[VehicleConfig]] = {"bicycle": BicycleConfig}
 
 @dataclass
 class SetsConfig:
-    """I and G: a number (radius of a ball) or one half-axis per state. S: one half-width per state, or null."""
+    """I and G: a number (radius of a ball) or one half-axis per state. S: one half-width per state, or null.
+
+    Obstacles, which belong to S too: {disc: [x, y, radius]} or {polygon: [[x, y], ...]}, convex; m.
+    """
 
     inlet: Any = 0.5
     goal: Any = 0.5
     safe: Any = None
+    obstacles: Any = field(default_factory=list)
 
 
 @dataclass
@@ -142,7 +259,7 @@ class WandbConfig:
 class Config:
     """One run."""
 
-    path: Any = MISSING  # a PathConfig, chosen by +path=NAME
+    path: Any = MISSING  # a PathConfig, chosen by +path=NAME; the command fills in the default
     vehicle: Any = MISSING  # a VehicleConfig
     sets: SetsConfig = field(default_factory=SetsConfig)
     method: str = "pf"  # or tt

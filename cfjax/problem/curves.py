@@ -36,6 +36,7 @@ JOIN = 1e-11  # m and rad: where a segment has to end; a lap of hundreds of them
 DIGITS = 1e-14  # relative: what is left of that far from the origin
 LEAST_TURN = 1e-11  # rad: a curve whose turning differs by less from a straight line or an arc is one
 MOST_HALVINGS = 24
+MOST_PIECES = 2**14  # per segment: a curve whose numbers overflow is bad everywhere
 MOST_CELLS = 2**10  # per smooth stretch, of the quadrature of arc length
 
 _nodes, _weights = np.polynomial.legendre.leggauss(12)
@@ -117,6 +118,7 @@ class _Pieces(NamedTuple):
     misses: np.ndarray  # (m,) largest error in curvature, speed or acceleration, each by its tolerance
 
 
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # what is not finite keeps no tolerance
 def path_along(
     name: str, curve: Curve, speed: float | PPoly, *, segments: int = 1, tolerance: float = TOLERANCE
 ) -> Path:
@@ -178,6 +180,8 @@ def _halved(
         bad = ~((pieces.apart <= target) & (pieces.misses <= 1))
         if not bad.any():
             return ends, pieces
+        if len(ends) > MOST_PIECES:
+            break
         middle = 0.5 * (ends[:-1] + ends[1:])
         ends = np.sort(np.concatenate([ends, middle[bad]]))
     where = float(ends[np.flatnonzero(bad)[0]])

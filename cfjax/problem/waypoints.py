@@ -83,12 +83,12 @@ def waypoints(
         InputError: says what was expected, and in which row or where along the path it is not so.
     """
     given = {"speed": speed, "acceleration": acceleration}
-    _positive("waypoints", lateral_acceleration=lateral_acceleration, segment_length=segment_length)
-    _positive("waypoints", **{label: value for label, value in given.items() if value is not None})
+    _positive("path", lateral_acceleration=lateral_acceleration, segment_length=segment_length)
+    _positive("path", **{label: value for label, value in given.items() if value is not None})
     if not 0 <= reserve < 1:
-        raise InputError(f"waypoints.reserve: expected a part in [0, 1), got {reserve}")
+        raise InputError(f"path.reserve: expected a part in [0, 1), got {reserve}")
     if not 0 <= smoothing < math.inf:
-        raise InputError(f"waypoints.smoothing: expected a finite distance in m, not negative, got {smoothing}")
+        raise InputError(f"path.smoothing: expected a finite distance in m, not negative, got {smoothing}")
 
     source = File(file)
     rows, closed = _distinct(source, _read(source), closed)

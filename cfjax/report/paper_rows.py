@@ -37,7 +37,8 @@ def paper_found(problem: Problem, preset: Problem) -> bool | None:
     `preset` is the untouched preset of the same name: apart from speed, method and timing (of which the paper gives
     no numbers) a row of the paper is that.
     """
-    if any(getattr(problem, part) != getattr(preset, part) for part in ("inlet", "goal", "safe", "vehicle")):
+    same = ("inlet", "goal", "safe", "obstacles", "footprint", "vehicle")
+    if any(getattr(problem, part) != getattr(preset, part) for part in same):
         return None
     if len(problem.path.curve) != 1 or not problem.path.curve[0].is_steady:
         return None

@@ -4,6 +4,7 @@
     reference.csv      samples of the path
     funnel.png         the picture
     config.yaml        the question as it was configured
+    waypoints.csv      the points that it speaks of, where the path goes through points of a file
     result.json        verdict and figures; written last: a folder that has it is complete
 
 Every file appears whole or not at all. `certified` is written only after the exact checker has accepted the
@@ -22,7 +23,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from flint import fmpq
@@ -37,8 +38,11 @@ from cfjax.result import ClosedLoop, Result, SegmentResult
 from cfjax.verdict import Verdict
 
 
+if TYPE_CHECKING:
+    from cfjax.conf import Config
+
 RESULT, CERTIFICATE, REFERENCE = "result.json", "certificate.json", "reference.csv"
-PICTURE, CONFIG = "funnel.png", "config.yaml"
+PICTURE, CONFIG, WAYPOINTS = "funnel.png", "config.yaml", "waypoints.csv"
 REFERENCE_ROWS = 201  # per segment
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
 
@@ -59,8 +63,11 @@ def write_run(
     picture: Callable[[Result, Path], None] | None = None,
     check: Check = check_file,
     drive: Callable[[Result], Result] | None = None,
+    points: bytes | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
+
+    `points` is the content of the waypoint file, where the path is made of one.
 
     A result whose certificate the checker does not accept comes back `inconclusive`. `drive` adds the closed loop to
     the result as it stands after the check, `picture` then draws funnel.png of it; if that fails, it is said on stderr
@@ -68,7 +75,7 @@ def write_run(
     """
     refuse_finished(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for leftover in (CERTIFICATE, REFERENCE, PICTURE, CONFIG):  # of a run that was killed
+    for leftover in (CERTIFICATE, REFERENCE, PICTURE, CONFIG, WAYPOINTS):  # of a run that was killed
         (folder / leftover).unlink(missing_ok=True)
     begin, before = time.perf_counter(), result.seconds.get("total", 0.0)
     result = _write_certificate(result, folder / CERTIFICATE, check)
@@ -77,6 +84,8 @@ def write_run(
     if result.problem.path.curve:  # a tube has none
         write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
     write_whole(folder / CONFIG, config_yaml.encode())
+    if points is not None:
+        write_whole(folder / WAYPOINTS, points)
     try:
         if drive is not None:
             result = drive(result)
@@ -305,11 +314,11 @@ def read_run(folder: Path) -> Result:
     Raises:
         InputError: where the folder holds no complete run, or something that is not one.
     """
-    from cfjax.conf import config_of, problem_of
+    from cfjax.conf import problem_of
 
     folder = Path(folder)
     data = read_json(folder / RESULT)
-    problem = problem_of(config_of(_read_text(folder / CONFIG)))
+    problem = problem_of(read_config(folder))
     document = read_json(folder / CERTIFICATE) if (folder / CERTIFICATE).exists() else None
     try:
         loop = data["closed_loop"]
@@ -331,6 +340,18 @@ def read_run(folder: Path) -> Result:
         raise InputError(
             f"{folder / RESULT}: expected the result of a run ({type(error).__name__}: {error})"
         ) from error
+
+
+def read_config(folder: Path) -> "Config":
+    """The configuration of a run folder; a waypoint file is the folder's own copy, which does not change.
+
+    Raises:
+        InputError: where the folder holds no configuration.
+    """
+    from cfjax.conf import config_of, waypoint_file, with_waypoint_file
+
+    config = config_of(_read_text(folder / CONFIG))
+    return with_waypoint_file(config, folder / WAYPOINTS) if waypoint_file(config) else config
 
 
 def _segment_of(data: dict[str, Any]) -> SegmentResult:

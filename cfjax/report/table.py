@@ -11,10 +11,10 @@ from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
 
-from cfjax.conf import Config, config_of, preset, problem_of
+from cfjax.conf import Config, preset, problem_of
 from cfjax.errors import InputError
 from cfjax.report.paper_rows import agreement, paper_found
-from cfjax.report.run_folder import CONFIG, RESULT, read_json, write_whole
+from cfjax.report.run_folder import RESULT, read_config, read_json, write_whole
 from cfjax.verdict import Verdict
 
 
@@ -119,7 +119,7 @@ def _row(folder: Path) -> Row:
                 error = read_json(folder / ERROR)
                 row = dataclasses.replace(row, verdict=str(error["kind"]), message=str(error["message"]))
             return row
-        config = config_of((folder / CONFIG).read_text())
+        config = read_config(folder)
         data = read_json(folder / RESULT)
         verdict = Verdict(data["verdict"])
         found = _paper_found(config)
@@ -155,5 +155,5 @@ def _paper_found(config: Config) -> bool | None:
     try:
         untouched = problem_of(preset(config.path.name))
     except InputError:
-        return None  # a preset of the user's own
+        return None  # a preset of the user's own, or waypoints
     return paper_found(problem_of(config), untouched)

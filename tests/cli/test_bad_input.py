@@ -10,14 +10,71 @@ from cfjax.conf import preset_names
 
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
+NAMES = (
+    "circle, ellipse, figure_eight, obstacle, obstacle_tight, oval, slalom, straight, straight_long, "
+    "straight_restricted, tube, waypoints"
+)
+HIT = " m, comes within 0 m of obstacle 0; expected more than the vehicle's radius there, 0.25 m"
+OBSTACLES = "sets.obstacles: expected entries {disc: [x, y, radius]} or {polygon: [[x, y], ...]}, got "
 CASES = [
-    ([], f"path: expected +path=NAME with one of {', '.join(preset_names())}, got none"),
-    (
-        ["path.radius=2"],
-        "path: expected +path=NAME with one of circle, straight, straight_long, straight_restricted, tube",
-    ),
-    (["+path=nope"], "path: expected one of circle, straight, straight_long, straight_restricted, tube, got nope"),
+    (["path.radius=2"], "path.radius: no such key; expected one of name, kind, speed"),  # of the oval
+    (["path.speed=0"], "path.speed: expected a positive finite number, got 0.0"),
+    (["path.speed=1e308"], "path: path ellipse: the curve or its speed is not smooth enough at 0 m; got path.speed=1e"),
+    (["+path=nope"], f"path: expected one of {NAMES}, got nope"),
     (["path=circle"], "To append to your default list use +path=circle"),
+    (["~path"], "Could not delete 'path'"),
+    (["++path=circle"], "force-add of config groups is not supported: '++path=circle'"),
+    (["+path=ellipse", "path.a=-1"], "path.a: expected a positive finite number, got -1.0"),
+    (["+path=ellipse", "path.b=0.1"], "needs w = 68, but the vehicle's w lies in [-1, 1] (radius there: 0.005 m)"),
+    (["+path=ellipse", "path.a=1e200"], "path ellipse: the curve or its speed is not smooth enough"),
+    (["+path=ellipse", "path.segments=0"], "path.segments: expected a whole number, at least 1, got 0"),
+    (["+path=ellipse", "path.laps=1.5"], "path.laps: Value '1.5' of type 'float' could not be converted to Integer"),
+    (["+path=figure_eight", "path.size=0"], "path.size: expected a positive finite number, got 0.0"),
+    (["+path=figure_eight", "path.size=0.9"], "needs w = 1.009"),
+    (["+path=slalom", "path.length=1e-200"], "got path.length=1e-200, path.amplitude=0.5, path.periods=3, path.speed"),
+    (["+path=slalom", "path.periods=9"], "but the vehicle's w lies in [-1, 1]"),
+    (["+path=obstacle", "path.speed=-1"], "path.speed: expected a positive finite number, got -1.0"),
+    (["+path=obstacle", "path.radius=1"], "path.radius: no such key; expected one of name, kind, speed"),
+    (["sets.obstacles=[{disc:[0,1,0.2]}]"], "path: segment 0 at theta = 2.228 s, (0.1937, 0.9953)" + HIT),
+    (["+path=straight", "sets.obstacles=[{polygon:[[1,-1],[1,1],[1.5,0]]}]"], "path: segment 0 at theta = 1.5 s, (1, "),
+    (
+        ["+path=obstacle", "vehicle.footprint=[[0.25,0],[0.9,0]]"],
+        "expected more than the vehicle's radius there, 0.9 m",
+    ),
+    (["+path=tube", "sets.obstacles=[{disc:[0,0,1]}]"], "sets.obstacles: expected none for a tube, which has no place"),
+    (["sets.obstacles=5"], "sets.obstacles: expected a list, empty for none, got 5"),
+    (["sets.obstacles=null"], "sets.obstacles: expected a list, empty for none, got None"),
+    (["sets.obstacles={disc:[0,0,1]}"], "sets.obstacles: Cannot merge DictConfig with ListConfig"),
+    (["sets.obstacles=[[0,0,1]]"], OBSTACLES + "[0, 0, 1]"),
+    (["sets.obstacles=[{}]"], OBSTACLES + "{}"),
+    (["sets.obstacles=[{disk:[0,0,1]}]"], OBSTACLES + "{'disk': [0, 0, 1]}"),
+    (["sets.obstacles=[{disc:[0,0]}]"], OBSTACLES + "{'disc': [0, 0]}"),
+    (["sets.obstacles=[{disc:[0,zero,1]}]"], OBSTACLES + "{'disc': [0, 'zero', 1]}"),
+    (["sets.obstacles=[{disc:[0,0,1],polygon:[]}]"], OBSTACLES + "{'disc': [0, 0, 1], 'polygon': []}"),
+    (["sets.obstacles=[{polygon:[[0,0],[1,0],1]}]"], OBSTACLES + "{'polygon': [[0, 0], [1, 0], 1]}"),
+    (["sets.obstacles=[{polygon:square}]"], OBSTACLES + "{'polygon': 'square'}"),
+    (
+        ["sets.obstacles=[{disc:[0,0,-1]}]"],
+        "sets.obstacles: expected a disc with a finite centre and a positive radius",
+    ),
+    (["sets.obstacles=[{disc:[0,nan,1]}]"], "sets.obstacles: expected a disc with a finite centre and a positive rad"),
+    (["sets.obstacles=[{polygon:[[0,0],[1,0]]}]"], "sets.obstacles: expected a polygon with at least 3 corners [x, y]"),
+    (["sets.obstacles=[{polygon:[[0,0],[1,0],[2,0]]}]"], "sets.obstacles: expected a convex polygon, its corners in"),
+    (
+        ["sets.obstacles=[{polygon:[[0,0],[1,0],[0.1,0.1],[0,1]]}]"],
+        "sets.obstacles: expected a convex polygon, its corners in order, got [(0.0, 0.0), (1.0, 0.0)",
+    ),
+    (["vehicle.footprint=0.25"], "vehicle.footprint: expected a list of discs [radius, offset], got 0.25"),
+    (["vehicle.footprint=[0.25,0]"], "vehicle.footprint: expected a list of discs [radius, offset], got [0.25, 0]"),
+    (["vehicle.footprint=[]"], "vehicle.footprint: expected at least one disc"),
+    (
+        ["vehicle.footprint=[[-0.25,0]]"],
+        "vehicle.footprint: expected discs [radius, offset] in m, no radius below zero",
+    ),
+    (["+path=waypoints"], "expected a value for path.file, got none"),
+    (["+path=waypoints", "path.file=null"], "path.file"),
+    (["+path=waypoints", "path.file=none.csv"], "none.csv: expected a CSV file of waypoints, there is no such file"),
+    (["+path=waypoints", "path.file=."], "expected a CSV file of waypoints, it cannot be read ([Errno 21] Is a direct"),
     (["+path=circle", "path=null"], "Config group override must be a string"),
     (["+path=circle", "+path=straight"], "Multiple values for path"),
     (["+path=circle,straight"], "To sweep over it, add --multirun"),
@@ -84,10 +141,7 @@ CASES = [
     (["+path=circle", "--method", "tt"], "expected key=value or a flag of --help, got --method"),
     (["+path=circle", "hydra.run.dir=/dev/null/run"], "hydra.run.dir: cannot make /dev/null/run (Not a directory)"),
     (["-m", "+path=circle", "path.speed=1,fast"], "path.speed: Value 'fast' of type 'str'"),
-    (
-        ["-m", "+path=circle,nope"],
-        "path: expected one of circle, straight, straight_long, straight_restricted, tube, got nope",
-    ),
+    (["-m", "+path=circle,nope"], f"path: expected one of {NAMES}, got nope"),
 ]
 
 
@@ -122,4 +176,55 @@ def test_through_the_real_command(arguments: list[str], message: str, command: C
 
 
 def test_list_of_paths_is_the_presets() -> None:
-    assert preset_names() == ["circle", "straight", "straight_long", "straight_restricted", "tube"]
+    assert ", ".join(preset_names()) == NAMES
+
+
+ROW = "path.file: {file}, row "
+FILES = [
+    ("", [], "path.file: {file}: expected at least two points, one x,y a row; the file is empty"),
+    ("1,2\n", [], ROW + "1: expected at least two points, got one"),
+    ("1,2\n1,2\n1,2\n", [], "path.file: {file}: expected points that differ, all 3 are x = 1 m, y = 2 m"),
+    ("x,y\n0,0\n1,nan\n2,0\n", [], ROW + "3: expected a finite number for y, got nan"),
+    ("0,0\n1,0\ntwo,0\n", [], ROW + "3: expected a number for x, got 'two'"),
+    (
+        "0,0\n1,0\n2,0\n2.2,0.2\n2,0.4\n1,0.4\n0,0.4\n",  # a hairpin
+        [],
+        "path.file: {file}: after 2.366 m, at x = 2.",
+    ),
+    ("0,0\n1,0\n2,0\n1,0\n0.5,0\n", [], "(a cusp); expected at most 2.353 1/m, which the steering allows"),
+    (
+        "0,0\n1,1\n2,0\n",  # a bend that this car does not steer
+        ["vehicle.wheelbase=2"],
+        "expected at most 0.4 1/m, which the steering allows with a reserve of 0.2",
+    ),
+    (
+        "0,0\n4,0\n8,0\n",  # driven at 2 m/s
+        ["sets.obstacles=[{disc:[6,0.1,0.2]}]"],
+        "path: segment 0 at theta = 2.92 s, (5.84, ",
+    ),
+    ("0,0\n4,0\n", ["path.speed=0"], "path.speed: expected a positive finite number, got 0.0"),
+    ("0,0\n4,0\n", ["path.reserve=1"], "path.reserve: expected a part in [0, 1), got 1.0"),
+    ("0,0\n4,0\n", ["path.closed=true"], "expected at least three different points of a closed path, got 2"),
+    ("0,0\n4,0\n", ["path.closed=maybe"], "path.closed: Value 'maybe' is not a valid bool"),
+    ("0,0\n4,0\n", ["path.smooth=1"], "path.smooth: no such key; expected one of name, kind, file, closed, speed"),
+]
+
+
+@pytest.mark.parametrize(("text", "overrides", "message"), FILES)
+def test_a_bad_file_gets_one_line_and_exit_code_2(
+    text: str,
+    overrides: list[str],
+    message: str,
+    train: Callable[..., int],
+    quick: None,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text(text)
+    assert train("+path=waypoints", "path.file=points.csv", *overrides) == 2
+    error = capfd.readouterr().err
+    assert error.count("\n") == 1
+    assert error.startswith("error: ")
+    assert message.format(file=file) in error
+    assert list(tmp_path.iterdir()) == [file]

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cfjax.conf import preset_names
 from cfjax.report.run_folder import read_run
 from cfjax.verdict import Verdict
 
@@ -29,8 +28,8 @@ def check(folder: Path) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(line, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("path", sorted({*preset_names()} - {"tube"}))
-def test_every_preset_ends_certified(command: Command, tmp_path: Path, path: str) -> None:
+@pytest.mark.parametrize("path", ["circle", "straight", "straight_long", "straight_restricted"])
+def test_every_steady_preset_ends_certified(command: Command, tmp_path: Path, path: str) -> None:
     run = command(f"+path={path}", "template=paper", "cars=200")
     assert run.returncode == 0, run.stderr
     folder = folder_of(run, tmp_path)

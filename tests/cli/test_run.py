@@ -21,6 +21,7 @@ from cfjax.problem import Problem, ball
 from cfjax.report.run_folder import read_run, write_run
 from cfjax.result import Result
 from cfjax.verdict import Verdict
+from tests.shapes import eight, slalom
 
 
 def test_run_ends_with_its_folder(
@@ -43,6 +44,56 @@ def test_run_ends_with_its_folder(
     )
     assert data["inputs"]["u0"] == [1.0, 1.0]
     assert captured.err == "learn: 1 of 1, 0.0 s\n"
+
+
+def test_without_a_path_it_is_the_oval(train: Callable[..., int], quick: None) -> None:
+    assert train("hydra.run.dir=here") == 1
+    assert read_run(Path("here")).problem == problem_of(preset("oval"))
+    assert "name: oval" in Path("here/config.yaml").read_text()
+    assert train("path.speed=1.5", "hydra.run.dir=there", "sets.inlet=0.4") == 1
+    assert read_run(Path("there")).problem == problem_of(preset("oval", ["path.speed=1.5", "sets.inlet=0.4"]))
+
+
+def test_sweep_without_a_path(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
+    assert train("-m", "path.speed=1,1.5") == 0
+    assert [(row["path"], row["overrides"]) for row in _sweep(tmp_path)] == [
+        ("oval", "+path=oval path.speed=1"),
+        ("oval", "+path=oval path.speed=1.5"),
+    ]
+
+
+@pytest.mark.parametrize("chdir", ["false", "true"])
+def test_waypoints_travel_with_the_run(
+    chdir: str, train: Callable[..., int], quick: None, write: Callable[..., Path], tmp_path: Path
+) -> None:
+    file = write(slalom())
+    problem = problem_of(preset("waypoints", [f"path.file={file}"]))
+    text = file.read_bytes()
+    assert train("+path=waypoints", "path.file=points.csv", "hydra.run.dir=here/run", f"hydra.job.chdir={chdir}") == 1
+    file.unlink()
+    folder = tmp_path / "here" / "run"
+    assert (folder / "waypoints.csv").read_bytes() == text
+    assert f"file: {file}\n" in (folder / "config.yaml").read_text()
+    assert read_run(folder).problem == problem
+
+
+def test_waypoints_of_every_job_of_a_sweep(
+    train: Callable[..., int], quick: None, write: Callable[..., Path], tmp_path: Path
+) -> None:
+    files = [write(make()).rename(tmp_path / name) for make, name in ((slalom, "slalom.csv"), (eight, "eight.csv"))]
+    problems = [problem_of(preset("waypoints", [f"path.file={file}"])) for file in files]
+    assert train("-m", "+path=waypoints", "path.file=slalom.csv,eight.csv,none.csv", "hydra.sweep.dir=all") == 2
+    for file in files:
+        file.unlink()
+    assert [read_run(tmp_path / "all" / str(job)).problem for job in (0, 1)] == problems
+    with (tmp_path / "all" / "table.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert [(row["path"], row["verdict"]) for row in rows] == [
+        ("waypoints", "inconclusive"),
+        ("waypoints", "inconclusive"),
+        ("waypoints", "bad input"),
+    ]
+    assert f"{tmp_path}/none.csv: expected a CSV file of waypoints, there is no such file" in rows[2]["message"]
 
 
 def test_two_runs_never_share_a_folder(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
@@ -85,6 +136,9 @@ def test_picture_that_fails_costs_nothing(
 def test_help_and_configuration_are_shown(train: Callable[..., int], capfd: pytest.CaptureFixture[str]) -> None:
     assert train("--cfg", "job", "+path=circle") == 0
     assert "radius: 1.5" in capfd.readouterr().out
+    for arguments in (["--cfg", "job"], ["path.speed=1.25", "--cfg", "job"], ["--cfg", "job", "seed=3", "cars=2"]):
+        assert train(*arguments) == 0
+        assert "name: oval" in capfd.readouterr().out
 
 
 def _sweep(tmp_path: Path) -> list[dict[str, str]]:

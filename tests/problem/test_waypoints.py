@@ -11,46 +11,11 @@ from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Path, Problem
 from cfjax.problem.waypoints import waypoints
 from cfjax.tubes import follow
+from tests.shapes import eight, racing_line, slalom
 
 
 CAR = KinematicBicycle(wheelbase=0.33)
 SAMPLES = 2000
-
-
-@pytest.fixture
-def write(tmp_path: File) -> Callable[..., File]:
-    """A file of points x + iy and, if given, speeds."""
-
-    def make(points: np.ndarray, speed: np.ndarray | None = None, header: str | None = None) -> File:
-        file = tmp_path / "points.csv"
-        columns = [points.real, points.imag, *([] if speed is None else [speed])]
-        lines = [",".join(repr(float(value)) for value in row) for row in zip(*columns, strict=True)]
-        file.write_text("\n".join([*([header] if header else []), *lines]) + "\n")
-        return file
-
-    return make
-
-
-def racing_line(seed: int = 5, count: int = 100) -> np.ndarray:
-    """A lap of more than 200 m with bends of different radii; the first point is repeated at the end."""
-    draw = np.random.default_rng(seed)
-    u = 2 * np.pi * np.arange(count + 1) / count
-    radius = 32 + sum(4 / k * draw.uniform(-1, 1) * np.cos(k * u + draw.uniform(0, 6)) for k in range(2, 8))
-    line = (1.3 * radius * np.cos(u) + 0.8j * radius * np.sin(u)) * np.exp(0.4j)
-    line[-1] = line[0]
-    return line
-
-
-def eight(count: int = 60) -> np.ndarray:
-    u = 2 * np.pi * np.arange(count + 1) / count
-    line = 2.5 * np.cos(u) / (1 - 1j * np.sin(u))
-    line[-1] = line[0]
-    return line
-
-
-def slalom(count: int = 50) -> np.ndarray:
-    x = np.linspace(0, 12, count)
-    return x + 0.4j * np.sin(np.pi / 2 * x)
 
 
 def sampled(path: Path, count: int = SAMPLES) -> tuple[np.ndarray, ...]:
@@ -355,5 +320,5 @@ def test_where_the_steering_ends_is_told(write: Callable[..., File]) -> None:
 )
 def test_bad_numbers_get_one_line(key: str, value: float, write: Callable[..., File]) -> None:
     file = write(slalom())
-    with pytest.raises(InputError, match=rf"^waypoints\.{key}: expected .*, got {value}$"):
+    with pytest.raises(InputError, match=rf"^path\.{key}: expected .*, got {value}$"):
         waypoints(file, **{key: value})

@@ -17,13 +17,14 @@ from cfjax.errors import InputError
 from cfjax.report.run_folder import Check, read_run, write_run
 from cfjax.result import Result
 from cfjax.verdict import Verdict
+from tests.shapes import eight, slalom
 
 
 Make = Callable[..., Result]  # hand_made
 
 
 @pytest.mark.parametrize("template", ["contracting", "paper"])
-@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize("name", [name for name in preset_names() if name != "waypoints"])
 def test_round_trip(hand_made: Make, name: str, template: str, tmp_path: Path) -> None:
     written = write_run(hand_made(problem_of(preset(name)), template), tmp_path / "run", yaml_of(preset(name)))
     read = read_run(tmp_path / "run")
@@ -36,6 +37,20 @@ def test_round_trip(hand_made: Make, name: str, template: str, tmp_path: Path) -
         np.testing.assert_array_equal(mine.funnel.shape, theirs.funnel.shape)
         assert (mine.funnel.rate, mine.funnel.duration) == (theirs.funnel.rate, theirs.funnel.duration)
         assert mine.funnel.template is theirs.funnel.template
+
+
+def test_points_are_read_from_the_folders_own_copy(hand_made: Make, write: Callable[..., Path], tmp_path: Path) -> None:
+    file = write(slalom())
+    config = preset("waypoints", [f"path.file={file}", "path.speed=1.5"])
+    written = write_run(hand_made(problem_of(config)), tmp_path / "run", yaml_of(config), points=file.read_bytes())
+    write(eight())
+    assert read_run(tmp_path / "run").problem == written.problem
+    file.unlink()
+    folder = (tmp_path / "run").rename(tmp_path / "moved")
+    assert read_run(folder).problem == written.problem
+    (folder / "waypoints.csv").unlink()
+    with pytest.raises(InputError, match=rf"path\.file: {folder}/waypoints\.csv: .* there is no such file"):
+        read_run(folder)
 
 
 def test_fields_of_result_json(hand_made: Make, tmp_path: Path) -> None:
@@ -192,7 +207,11 @@ def test_no_funnel_at_all_is_written_too(hand_made: Make, tmp_path: Path) -> Non
         ("result.json", "[]", "expected a JSON object, got list"),
         ("result.json", "{}", "expected the result of a run"),
         ("config.yaml", None, "cannot be read"),
-        ("config.yaml", "path: {kind: spiral}", "expected path.kind to be one of straight, circle, tube, got spiral"),
+        (
+            "config.yaml",
+            "path: {kind: spiral}",
+            "expected path.kind to be one of straight, circle, .*, tube, got spiral",
+        ),
         ("config.yaml", "- a", "expected keys and values"),
         ("config.yaml", "a: [", "config.yaml"),
     ],

@@ -26,6 +26,8 @@ from cfjax.verdict import Verdict
         ("circle", ["vehicle.wheelbase=0.33"], None),
         ("circle", ["timing=[0.8,1.5]"], True),
         ("straight", ["path.length=5"], None),
+        ("straight", ["sets.obstacles=[{disc:[0,2,1]}]"], None),
+        ("straight", ["vehicle.footprint=[[0.3,0]]"], None),
     ],
 )
 def test_only_the_papers_own_rows_have_an_answer(name: str, overrides: list[str], found: bool | None) -> None:
