@@ -262,6 +262,38 @@ def test_bad_numbers_get_one_line(make: Callable[[], Path], message: str) -> Non
     assert "\n" not in str(raised.value)
 
 
+def test_a_curve_that_is_nearly_straight_ends_where_it_should() -> None:
+    """There no small change of the turning rate moves the end forwards: only more pieces do."""
+    a, k = 1e-3, np.pi / 2
+    curve = Curve(
+        lambda u: u + 1j * a * np.sin(k * u),
+        lambda u: 1 + 1j * a * k * np.cos(k * u),
+        lambda u: -1j * a * k**2 * np.sin(k * u),
+        (0.0, 25.0, 50.0),
+    )
+    (segment,) = path_along("ripple", curve, 1.0).curve
+    alpha, x, y = segment.poses(np.array([segment.duration]))[0]
+    assert abs(alpha - curve.heading(np.array([50.0]))[0]) <= 1e-11
+    assert abs(x + 1j * y - curve.position(np.array([50.0]))[0]) <= 1e-11
+
+
+def test_ripples_of_speed_too_small_to_see_are_still_accelerations() -> None:
+    line = Curve(lambda u: u + 0j, lambda u: 1 + 0j * u, lambda u: 0j * u, (0.0, 12.0))
+    s = np.linspace(0, 12, 2000)
+    speed = CubicSpline(s, 2 + 0.002 * np.sin(6 * s))
+    (segment,) = path_along("ripples", line, speed).curve
+    theta = np.linspace(0, segment.duration, 20_000)
+    v = segment.speed.polynomial
+    arc = np.clip(v.antiderivative()(theta), 0, 12)
+    assert np.abs(v(theta, 1) - speed(arc) * speed(arc, 1)).max() < 0.03 * 0.024  # of the largest, m/s²
+
+
+def test_numbers_that_overflow_are_refused_soon() -> None:
+    for make in (lambda: ellipse(1e200, 1e200), lambda: oval(1e-320), lambda: figure_eight(1e-200)):
+        with pytest.raises(InputError, match="not smooth enough"):
+            make()
+
+
 def test_a_corner_is_no_reference() -> None:
     corner = Curve(lambda u: np.abs(u) + 1j * u, lambda u: np.sign(u) + 1j, lambda u: 0j * u, (-1.0, 0.3, 1.0))
     with pytest.raises(InputError, match=r"path corner: .* not smooth enough at 1\.4"):

@@ -159,6 +159,13 @@ def test_a_lap_is_as_fast_at_its_joint_wherever_it_begins(write: Callable[..., F
     assert times[0] == pytest.approx(times[1], rel=5e-3)
 
 
+def test_a_lap_ends_with_the_very_speed_with_which_it_begins(write: Callable[..., File]) -> None:
+    path = waypoints(write(eight()), vehicle=CAR, speed=6.0)
+    first, last = path.curve[0], path.curve[-1]
+    begin, end = first.point(0.0), last.point(last.duration)
+    assert abs(end.speed - begin.speed) <= 1e-14 and abs(end.speed_slope - begin.speed_slope) <= 1e-14
+
+
 # --- files
 
 
