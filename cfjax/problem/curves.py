@@ -38,6 +38,7 @@ LEAST_TURN = 1e-11  # rad: a curve whose turning differs by less from a straight
 MOST_HALVINGS = 24
 MOST_PIECES = 2**14  # per segment: a curve whose numbers overflow is bad everywhere
 MOST_CELLS = 2**10  # per smooth stretch, of the quadrature of arc length
+MOST_COUNT = 1000  # segments, laps, periods
 
 _nodes, _weights = np.polynomial.legendre.leggauss(12)
 NODES, WEIGHTS = 0.5 * (1 + _nodes), 0.5 * _weights  # on [0, 1]
@@ -331,8 +332,8 @@ def _turned(path: Path) -> Path:
 
 
 def _count(owner: str, label: str, value: int) -> None:
-    if value < 1 or value != int(value):
-        raise InputError(f"{owner}.{label}: expected a whole number, at least 1, got {value}")
+    if not 1 <= value <= MOST_COUNT or value != int(value):
+        raise InputError(f"{owner}.{label}: expected a whole number from 1 to {MOST_COUNT}, got {value}")
 
 
 def ellipse(a: float = 2.0, b: float = 1.0, speed: float = 1.0, segments: int = 2, laps: int = 1) -> Path:

@@ -31,6 +31,9 @@ from cfjax.problem.vehicle import KinematicBicycle
 
 SPEED = 2.0  # m/s, where neither the file nor the caller says
 SEGMENT_LENGTH = 10.0  # m
+MOST_SEGMENTS = 10_000
+SHORTEST, LONGEST = 1e-3, 1e5  # m along the points: beyond, a file is in other units, or asks for all of the memory
+MOST_POINTS = 100_000  # with those that fill gaps
 MERGED = 1e-9  # of the extent of all points: closer ones are one point
 STRAIGHT = 1e-12  # of the extent: points that leave a line by less are on it
 LONGEST_GAP = 2.0  # of the median distance between neighbours: where points are farther apart the spline gets more
@@ -51,6 +54,7 @@ class _Rows(NamedTuple):
     speed: np.ndarray | None  # (n,) m/s
 
 
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # what is not finite is refused by name
 def waypoints(
     file: str | PathLike[str],
     *,
@@ -87,8 +91,8 @@ def waypoints(
     _positive("path", **{label: value for label, value in given.items() if value is not None})
     if not 0 <= reserve < 1:
         raise InputError(f"path.reserve: expected a part in [0, 1), got {reserve}")
-    if not 0 <= smoothing < math.inf:
-        raise InputError(f"path.smoothing: expected a finite distance in m, not negative, got {smoothing}")
+    if not 0 <= smoothing <= LONGEST:
+        raise InputError(f"path.smoothing: expected a distance in m from 0 to {LONGEST:g}, got {smoothing}")
 
     source = File(file)
     rows, closed = _distinct(source, _read(source), closed)
@@ -100,6 +104,11 @@ def waypoints(
         thrust = min(thrust, acceleration)
     cap = _cap(rows, curve, knots, closed, speed)
     profile = _speed(curve, cap, lateral_acceleration, thrust, closed)
+    if curve.length > MOST_SEGMENTS * segment_length:
+        raise InputError(
+            f"path.segment_length: expected at least {curve.length / MOST_SEGMENTS:.3g} m for a path of "
+            f"{curve.length:.6g} m, got {segment_length}"
+        )
     count = max(1, round(curve.length / segment_length))
     path = path_along("waypoints", curve, profile, segments=count)
     return _slowed(path, cap, lateral_acceleration, thrust)
@@ -190,6 +199,11 @@ def _distinct(file: File, rows: _Rows, closed: bool | None) -> tuple[_Rows, bool
     same = MERGED * float(np.abs(place - place[0]).max())
     if same == 0:
         raise InputError(f"{file}: expected points that differ, all {len(place)} are {_at(place[0])}")
+    length = float(np.abs(np.diff(place)).sum())
+    if not SHORTEST <= length <= LONGEST:
+        raise InputError(
+            f"{file}: expected points in m, between {SHORTEST:g} and {LONGEST:g} m along them, got {length:.4g} m"
+        )
     keep = [0]
     for index in range(1, len(place)):
         if abs(place[index] - place[keep[-1]]) > same:
@@ -228,7 +242,7 @@ def _curve(file: File, rows: _Rows, closed: bool, smoothing: float) -> tuple[Cur
     if smoothing:
         spline = _smooth(file, chords, _columns(place), closed, smoothing)
     else:
-        place, own = _filled(place, chords, closed)
+        place, own = _filled(file, place, chords, closed)
         chords = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(place)))])
         if closed:
             # a periodic spline needs more points than its degree; a cubic one has continuous curvature too
@@ -253,7 +267,7 @@ def _curve(file: File, rows: _Rows, closed: bool, smoothing: float) -> tuple[Cur
     return Curve(derivative(0), derivative(1), derivative(2), knots), points
 
 
-def _filled(place: np.ndarray, chords: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
+def _filled(file: File, place: np.ndarray, chords: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
     """The points, with more of them in long gaps, and where the own ones are among them.
 
     A quintic spline that comes from dense points into a long gap swings far out; Akima's curve, which looks at the
@@ -261,6 +275,11 @@ def _filled(place: np.ndarray, chords: np.ndarray, closed: bool) -> tuple[np.nda
     """
     gaps = np.diff(chords)
     count = np.maximum(1, np.ceil(gaps / (LONGEST_GAP * np.median(gaps)) - 1e-9)).astype(int)
+    if count.sum() > MOST_POINTS:
+        raise InputError(
+            f"{file}: expected points at more even distances, or at most {MOST_POINTS}: at the median distance, "
+            f"{np.median(gaps):.3g} m, the whole way would need {count.sum()}"
+        )
     own = np.concatenate([[0], np.cumsum(count)])
     if count.max() == 1:
         return place, own
@@ -351,6 +370,10 @@ def _speed(curve: Curve, cap: PPoly, lateral: float, thrust: float, closed: bool
     if closed:
         mean[-1], slope[-1] = mean[0], slope[0]
     v = np.sqrt(2 * mean)
+    if not (v.min() > 0 and np.isfinite(slope / v).all()):
+        raise InputError(
+            f"path.speed: expected speeds and limits that can be computed with, got {v.min():.3g} to {v.max():.3g} m/s"
+        )
     return CubicHermiteSpline(s, v, slope / v)
 
 

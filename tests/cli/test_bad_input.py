@@ -27,7 +27,7 @@ CASES = [
     (["+path=ellipse", "path.a=-1"], "path.a: expected a positive finite number, got -1.0"),
     (["+path=ellipse", "path.b=0.1"], "needs w = 68, but the vehicle's w lies in [-1, 1] (radius there: 0.005 m)"),
     (["+path=ellipse", "path.a=1e200"], "path ellipse: the curve or its speed is not smooth enough"),
-    (["+path=ellipse", "path.segments=0"], "path.segments: expected a whole number, at least 1, got 0"),
+    (["+path=ellipse", "path.segments=0"], "path.segments: expected a whole number from 1 to 1000, got 0"),
     (["+path=ellipse", "path.laps=1.5"], "path.laps: Value '1.5' of type 'float' could not be converted to Integer"),
     (["+path=figure_eight", "path.size=0"], "path.size: expected a positive finite number, got 0.0"),
     (["+path=figure_eight", "path.size=0.9"], "needs w = 1.009"),
@@ -201,6 +201,16 @@ FILES = [
         "0,0\n4,0\n8,0\n",  # driven at 2 m/s
         ["sets.obstacles=[{disc:[6,0.1,0.2]}]"],
         "path: segment 0 at theta = 2.92 s, (5.84, ",
+    ),
+    (
+        "0,0\n1e300,0\n1e300,1e300\n",
+        [],
+        "path.file: {file}: expected points in m, between 0.001 and 100000 m along them",
+    ),
+    (
+        "0,0\n4,0\n8,1\n",
+        ["path.segment_length=1e-9"],
+        "path.segment_length: expected at least 0.000814 m for a path of",
     ),
     ("0,0\n4,0\n", ["path.speed=0"], "path.speed: expected a positive finite number, got 0.0"),
     ("0,0\n4,0\n", ["path.reserve=1"], "path.reserve: expected a part in [0, 1), got 1.0"),

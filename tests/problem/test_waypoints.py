@@ -1,6 +1,7 @@
 """Paths from files of points: the curve, its speed within every limit, its joints, and one line for each bad file."""
 
 import itertools
+import re
 from collections.abc import Callable
 from pathlib import Path as File
 
@@ -274,6 +275,10 @@ BAD = {
     "1,2,3,4\n5,6,7,8\n": r", row 1: expected the numbers x,y or x,y,speed",
     "1\n2\n": r", row 1: expected the numbers x,y",
     "0;0\n1;0\n": r", row 1: expected the numbers x,y",
+    "0,0\n1e300,0\n1e300,1e300\n": r"expected points in m, between 0\.001 and 100000 m along them, got 2e\+300 m",
+    "0,0\n1e-300,0\n": r"expected points in m, between 0\.001 and 100000 m along them, got 1e-300 m",
+    "0,0\n0.0001,0\n0.0002,0\n1000,0\n1000,1\n1000,1.0001\n1000,1.0002\n": r"expected points at more even distances, "
+    r"or at most 100000: at the median distance, 0\.0001 m, the whole way would need 5\d+",
     "0,0\n1,0\n0,0\n": r"expected at least three different points of a closed path, got 2",
     "0,0\n1,0\n2,0\n1,0\n0.5,0\n": r"after \d\S* m, at x = (2|1\.99|2\.00)\d* m, y = 0 m, .* \(a cusp\); "
     r"expected at most 2\.353 1/m",
@@ -312,6 +317,13 @@ def test_where_the_steering_ends_is_told(write: Callable[..., File]) -> None:
         waypoints(write(points), vehicle=CAR, reserve=0.4)
 
 
+def test_speeds_that_cannot_be_computed_with_get_one_line(write: Callable[..., File]) -> None:
+    with pytest.raises(
+        InputError, match=r"^path\.speed: expected speeds and limits that can be computed with, got 0 to 0"
+    ):
+        waypoints(write(slalom()), lateral_acceleration=1e-300)
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [
@@ -323,9 +335,11 @@ def test_where_the_steering_ends_is_told(write: Callable[..., File]) -> None:
         ("reserve", 1.0),
         ("reserve", -0.1),
         ("smoothing", -1.0),
+        ("smoothing", 1e6),
+        ("segment_length", 1e-9),
     ],
 )
 def test_bad_numbers_get_one_line(key: str, value: float, write: Callable[..., File]) -> None:
     file = write(slalom())
-    with pytest.raises(InputError, match=rf"^path\.{key}: expected .*, got {value}$"):
+    with pytest.raises(InputError, match=rf"^path\.{key}: expected .*, got {re.escape(str(value))}$"):
         waypoints(file, **{key: value})
