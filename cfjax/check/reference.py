@@ -37,7 +37,7 @@ LARGEST_POSE_GAP = fmpq(1, 10**6)  # rad and m: what rounding a pose to a file m
 LARGEST_SPEED_GAP = fmpq(1, 10**9)  # m/s: rounding of a spline's coefficients
 SERIES_ORDER = 9  # of Taylor's remainder; python-flint's series have ten terms unless its global cap is raised
 REMAINDER = fmpq(1, 10**10)  # m: a stretch is halved until its Taylor remainder is below; gaps are told to 1e-6 m
-MOST_HALVINGS = 40
+MOST_STRETCHES = 2**12  # of one piece: some hundred laps of a spiral take them
 LAW_SHARE = fmpq(19, 20)  # of the certified decrease: what the run-time law (`cfjax.control`) asks for
 STEEPEST_EXPONENT = fmpq(64)  # levels below e^−64 are not told apart
 UNITS = {"curvature": "1/m", "speed": "m/s", "acceleration": "m/s²"}
@@ -244,6 +244,11 @@ class ExactPose(NamedTuple):
     heading: fmpq
     position: acb
 
+    def after(self, piece: "Piece") -> "ExactPose":
+        """The pose where a piece ends that starts here."""
+        forward = acb(0, 1) * acb(0, arb(self.heading)).exp()
+        return ExactPose(self.heading + piece.turn, self.position + forward * piece.displacement)
+
 
 class Violation(NamedTuple):
     """Where a piece leaves a tube by most: value and bound in the quantity's unit.
@@ -434,38 +439,62 @@ class Piece:
                 return acb(arb(self.length))
             turn = arb(self.turn)
             return arb(self.speed[0] / rate) * acb(turn.sin(), 1 - turn.cos())
+        return _displacement(*self._polynomials, self.duration)
+
+    def motion(self, at: arb, terms: int) -> tuple[acb_series, acb_series]:
+        """e^{iP} and v_r e^{iP} at t = at + u in powers of u (s), for every number in the ball `at`; P as above."""
+        return _series(*self._polynomials, arb_poly([at, 1]), terms)
+
+    @cached_property
+    def _polynomials(self) -> tuple[arb_poly, arb_poly]:
+        """P and v_r."""
         turn, speed = (arb_poly(fmpq_poly(list(c))) for c in (_integral(self.turn_rate), self.speed))
-        return _displacement(turn, speed, fmpq(0), self.duration, MOST_HALVINGS)
+        return turn, speed
 
 
-def _displacement(turn: arb_poly, speed: arb_poly, begin: fmpq, end: fmpq, halvings: int) -> acb:
-    """∫ speed e^{i turn} dt from begin to end by Taylor's series about the middle, halved until the remainder is small.
+def _displacement(turn: arb_poly, speed: arb_poly, duration: fmpq) -> acb:
+    """∫ speed e^{i turn} dt from 0 by Taylor's series about the middle, halved until the remainder is small.
 
     With t = middle + half·u: the real and the imaginary part of the integrand are each their series up to u^{K−1}, and
     the K-th coefficient at some place between times u^K.
     """
-    middle, half = (begin + end) / 2, arb((end - begin) / 2)
-    whole = _series(turn, speed, arb(middle) + half * arb(0, 1), half)
-    remainder = upper_bound(abs(whole[SERIES_ORDER]) * half * arb(fmpq(2, SERIES_ORDER + 1)))
-    if remainder > REMAINDER:
-        if halvings == 0:
-            raise ValueError("the path turns too fast for its pose to be enclosed")
-        first = _displacement(turn, speed, begin, middle, halvings - 1)
-        return first + _displacement(turn, speed, middle, end, halvings - 1)
-    point = _series(turn, speed, arb(middle), half)
-    integral = sum((point[k] * arb(fmpq(2, k + 1)) for k in range(0, SERIES_ORDER, 2)), acb(0)) * half
-    ball = arb(0, upper_bound(arb(remainder)))
-    return integral + acb(ball, ball)
+    total, open_ = acb(0), [(fmpq(0), duration)]
+    for _ in range(MOST_STRETCHES):
+        begin, end = open_.pop()
+        middle, half = (begin + end) / 2, arb((end - begin) / 2)
+        _, whole = _series(turn, speed, arb_poly([arb(middle) + half * arb(0, 1), half]), SERIES_ORDER + 1)
+        remainder = upper_bound(abs(whole[SERIES_ORDER]) * half * arb(fmpq(2, SERIES_ORDER + 1)))
+        if remainder > REMAINDER:
+            open_ += [(middle, end), (begin, middle)]
+            continue
+        _, point = _series(turn, speed, arb_poly([arb(middle), half]), SERIES_ORDER + 1)
+        ball = arb(0, upper_bound(arb(remainder)))
+        total += sum((point[k] * arb(fmpq(2, k + 1)) for k in range(0, SERIES_ORDER, 2)), acb(0)) * half
+        total += acb(ball, ball)
+        if not open_:
+            return total
+    raise ValueError("the path turns too fast, or is too long, for its pose to be enclosed")
 
 
-def _series(turn: arb_poly, speed: arb_poly, centre: arb, half: arb) -> acb_series:
-    """speed e^{i turn} at centre + half·u in powers of u, for every number in the ball `centre`."""
-    along, size = arb_poly([centre, half]), SERIES_ORDER + 1
-    exponent = acb_series([acb(0, c) for c in turn(along).coeffs()] or [acb(0)], prec=size)
-    result = exponent.exp() * acb_series(speed(along).coeffs() or [acb(0)], prec=size)
-    if result.prec < size:  # python-flint's global cap: terms that are missing would read as zero
-        raise ValueError(f"expected series of {size} terms, got {result.prec}")
-    return result
+def _series(turn: arb_poly, speed: arb_poly, along: arb_poly, terms: int) -> tuple[acb_series, acb_series]:
+    """e^{i turn} and speed e^{i turn} at t = along(u) in powers of u."""
+    exponent = acb_series([acb(0, c) for c in turn(along).coeffs()] or [acb(0)], prec=terms)
+    phase = exponent.exp()
+    result = phase * acb_series(speed(along).coeffs() or [acb(0)], prec=terms)
+    if result.prec < terms:  # python-flint's global cap: terms that are missing would read as zero
+        raise ValueError(f"expected series of {terms} terms, got {result.prec}")
+    return phase, result
+
+
+def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> list[Piece]:
+    """What the pieces of one segment have between two θ (s, from the segment's start), cut exactly there."""
+    found = []
+    for piece in pieces:
+        inner = sorted(at for at in {begin - piece.theta, end - piece.theta} if 0 < at < piece.duration)
+        found += [part for part in piece.split(inner) if begin <= part.theta < end] if inner else []
+        if not inner and begin <= piece.theta < end:
+            found.append(piece)
+    return found
 
 
 class Gap(NamedTuple):
@@ -507,16 +536,15 @@ class Reference:
     @cached_property
     def poses(self) -> tuple[ExactPose, ...]:
         """Where each segment starts, and where the last one ends."""
-        heading, position = self.start
+        pose = self.start
         found = []
         segment = -1
         for piece in self.pieces:
             if piece.segment != segment:
                 segment = piece.segment
-                found.append(ExactPose(heading, position))
-            position = position + acb(0, 1) * acb(0, arb(heading)).exp() * piece.displacement
-            heading = heading + piece.turn
-        return (*found, ExactPose(heading, position))
+                found.append(pose)
+            pose = pose.after(piece)
+        return (*found, pose)
 
     @cached_property
     def gap(self) -> Gap:

@@ -1,0 +1,211 @@
+"""Half-planes that prove a funnel's clearance from an obstacle: sought in floating point, judged by the checker.
+
+At one θ the clearance along a unit normal n is min_c n·c − R − r − h(n), h how far the disc's centre reaches. As a
+function of n it is concave and homogeneous, and so is its least value over a stretch of θ: where it is positive for
+some direction it has one peak, which a fan of directions finds.
+
+A half-plane holds as long as it keeps a share of the clearance that each θ has by itself: then the proof is short, and
+so are the numbers of its normal.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from flint import fmpq
+from jaxtyping import Float
+
+from cfjax.check.clearance import (
+    STRETCH_EFFORT,
+    FootprintClaim,
+    HalfPlane,
+    ObstacleClaim,
+    Shadow,
+    prove_clearance,
+    prove_half_plane,
+)
+from cfjax.check.decrease import Matrix
+from cfjax.check.enclosure import Budget
+from cfjax.check.reference import ExactPose, Piece, between
+from cfjax.funnel.template import template_named
+from cfjax.problem.path import Pose, Profile, Segment
+
+
+SAMPLES = 65  # poses along a stretch; a touch between them is the checker's to see
+DIRECTIONS = 128  # of the fan, which is narrowed around its best one: to a milliradian
+NARROWINGS, NARROW_DIRECTIONS = 2, 17
+SHARE = 0.5  # of the clearance: what a half-plane has to keep
+BISECTIONS = 4  # of the length at which its share is spent
+END_BITS = 5  # of that length as it is written down
+NORMAL_SCALE = 4096  # a normal's entries are whole numbers up to that
+SHORTEST = 2.0**-14  # of the segment's duration: where no half-plane holds for longer there is no clearance
+LARGEST_EFFORT = 2**9 * STRETCH_EFFORT  # of one half-plane's proof: a longer one is better cut
+
+
+class NotClear(ValueError):
+    """The body may touch the obstacle, as far as half-planes tell; `theta` (s) is where."""
+
+    def __init__(self, message: str, theta: float) -> None:
+        super().__init__(message)
+        self.theta = theta
+
+
+class _View(NamedTuple):
+    """Clearances (m) seen along a stretch, without the higher orders of the body's turn."""
+
+    own: float  # the least over θ of what each θ has along its own best direction
+    theta: float  # where that is, s
+    shared: float  # the least over θ along the one direction that is best for all
+    angle: float  # of that direction, rad
+
+
+def find_half_planes(
+    pieces: Sequence[Piece],
+    start: ExactPose,
+    shape: Matrix,
+    template: str,
+    rate: fmpq,
+    obstacle: ObstacleClaim,
+    disc: FootprintClaim,
+) -> list[HalfPlane]:
+    """Half-planes along one segment that `prove_clearance` accepts, few and long; the other arguments are as there.
+
+    Raises:
+        NotClear: where the body may touch the obstacle.
+        ValueError: for what is no claim at all: C not positive definite, a funnel that ends before the segment does.
+    """
+    shadow = Shadow(shape, template, rate, disc)
+    duration = sum((piece.duration for piece in pieces), fmpq(0))
+    shadow.check_end(duration)
+    _look_everywhere(pieces, start, shadow, obstacle)
+    planes: list[HalfPlane] = []
+    begin, pose = fmpq(0), start
+    while begin < duration:
+        plane, pose = _longest(pieces, pose, shadow, obstacle, begin, duration)
+        planes.append(plane)
+        begin = plane.end
+    prove_clearance(pieces, start, shape, template, rate, obstacle, disc, planes)
+    return planes
+
+
+def _look_everywhere(pieces: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim) -> None:
+    """Raises NotClear where the clearance is least, if it is none: cheaper than to come there by half-planes."""
+    views = []
+    for piece in pieces:
+        views.append(_view([piece], pose, shadow, obstacle))
+        pose = pose.after(piece)
+    worst = min(views, key=lambda view: view.own)
+    if not worst.own > 0:
+        message = f"the body may reach {-worst.own:.3g} m into the obstacle at theta = {worst.theta:.6g} s"
+        raise NotClear(message, worst.theta)
+
+
+def _longest(
+    pieces: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim, begin: fmpq, duration: fmpq
+) -> tuple[HalfPlane, ExactPose]:
+    """A half-plane from θ = begin that is proven, nearly as long as can be, and the pose where it ends."""
+    reason = "they would hold for ever shorter stretches"
+    for end, view in _candidates(pieces, pose, shadow, obstacle, begin, duration):
+        plane, stretch = HalfPlane(end, _short(view.angle)), between(pieces, begin, end)
+        try:
+            return plane, prove_half_plane(stretch, pose, shadow, obstacle, plane.normal, Budget(LARGEST_EFFORT))
+        except ValueError as error:  # a touch between samples, or more effort than for a shorter one
+            reason = str(error)
+    raise NotClear(f"no half-plane leads on from theta = {float(begin):.6g} s: {reason}", float(begin))
+
+
+def _candidates(
+    pieces: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim, begin: fmpq, duration: fmpq
+) -> Iterator[tuple[fmpq, _View]]:
+    """Ends up to which one direction keeps its share of the clearance: the farthest one first, then by half as far."""
+
+    def seen(length: float) -> tuple[fmpq, _View] | None:
+        end = _end(begin, length, duration)
+        view = _view(between(pieces, begin, end), pose, shadow, obstacle)
+        return (end, view) if view.own > 0 and view.shared >= SHARE * view.own else None
+
+    whole = length = float(duration - begin)
+    shortest = min(SHORTEST * float(duration), whole)
+    while (found := seen(length)) is None:
+        length /= 2
+        if length < shortest:
+            return
+    if length < whole:  # twice as far the share is spent
+        step = length
+        for _ in range(BISECTIONS):
+            step /= 2
+            if farther := seen(length + step):
+                length, found = length + step, farther
+    yield found
+    while (length := length / 2) >= shortest:
+        if found := seen(length):
+            yield found
+
+
+def _end(begin: fmpq, length: float, duration: fmpq) -> fmpq:
+    """A short rational at about begin + length, after begin; the segment's duration where that is reached."""
+    if not begin + fmpq(*length.as_integer_ratio()) < duration - fmpq(*(SHORTEST * length).as_integer_ratio()):
+        return duration
+    bits = END_BITS - math.floor(math.log2(length))
+    return fmpq(math.floor(math.ldexp(float(begin) + length, bits))) * fmpq(2) ** -bits
+
+
+def _short(angle: float) -> tuple[fmpq, fmpq]:
+    """A direction in small whole numbers."""
+    entries = [round(NORMAL_SCALE * part) for part in (math.cos(angle), math.sin(angle))]
+    divisor = math.gcd(*entries)
+    return fmpq(entries[0] // divisor), fmpq(entries[1] // divisor)
+
+
+def _view(stretch: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim) -> _View:
+    """What samples of a stretch tell that starts at the pose."""
+    begin = stretch[0].theta
+    segment = _segment(stretch, pose)
+    theta = np.linspace(0.0, segment.duration, SAMPLES)
+    poses = segment.poses(theta)
+    level = np.asarray(template_named(shadow.template).level(float(shadow.rate), float(begin) + theta))
+    fan = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
+    table = _clearances(fan, poses, level, shadow, obstacle)
+    own = table.max(axis=0)
+    worst = int(np.argmin(own))
+    for _ in range(NARROWINGS):
+        width = fan[1] - fan[0]
+        fan = fan[np.argmax(table.min(axis=1))] + np.linspace(-width, width, NARROW_DIRECTIONS)
+        table = _clearances(fan, poses, level, shadow, obstacle)
+    shared = table.min(axis=1)
+    best = int(np.argmax(shared))
+    return _View(float(own[worst]), float(begin) + float(theta[worst]), float(shared[best]), float(fan[best]))
+
+
+def _clearances(
+    angles: Float[np.ndarray, " k"],
+    poses: Float[np.ndarray, "t 3"],
+    level: Float[np.ndarray, " t"],
+    shadow: Shadow,
+    obstacle: ObstacleClaim,
+) -> Float[np.ndarray, "k t"]:
+    """Clearances (m) along directions at reference poses, of the letters in `cfjax.check.clearance`."""
+    normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    corners = np.array([[float(x), float(y)] for x, y in obstacle.corners])
+    near = (normals @ corners.T).min(axis=1) - float(obstacle.round) - float(shadow.disc.radius)
+    facing = angles[:, None] - poses[None, :, 0]
+    a, b = np.cos(facing), np.sin(facing)
+    offset = float(shadow.disc.offset)
+    spread = np.array([[float(shadow.inverse[i, j]) for j in range(3)] for i in range(3)])
+    m = np.stack([-offset * a, a, b])
+    reach = normals @ poses[:, 1:].T + offset * b + np.sqrt(level * np.einsum("ikt,ij,jkt->kt", m, spread, m))
+    return near[:, None] - reach
+
+
+def _segment(stretch: Sequence[Piece], pose: ExactPose) -> Segment:
+    """The stretch in floating point, θ from where it starts."""
+    begin, last = stretch[0].theta, stretch[-1]
+    ends = (*(piece.theta for piece in stretch), last.theta + last.duration)
+    breaks = tuple(float(end - begin) for end in ends)
+    turn_rate, speed = (
+        Profile(breaks, tuple(tuple(map(float, coefficients)) for coefficients in profile))
+        for profile in ([piece.turn_rate for piece in stretch], [piece.speed for piece in stretch])
+    )
+    position = pose.position
+    return Segment(turn_rate, speed, Pose(float(pose.heading), float(position.real.mid()), float(position.imag.mid())))

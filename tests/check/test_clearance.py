@@ -1,0 +1,400 @@
+"""Clearance from obstacles: against sampling of what the body sweeps, at the edge of what is true, and attacked."""
+
+import dataclasses
+import functools
+import itertools
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from flint import acb, arb, fmpq
+
+from cfjax.certificate.clearance import NotClear, find_half_planes
+from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim, Shadow, prove_clearance
+from cfjax.check.enclosure import Budget
+from cfjax.check.rational import rational
+from cfjax.check.reference import ExactPose, Piece, StatedProfile, StatedSegment, between, exact_reference
+from cfjax.funnel import template_named
+from cfjax.problem import Segment, obstacle_path
+from cfjax.problem.curves import figure_eight
+from cfjax.problem.obstacles import Disc, FootprintDisc, Polygon, disc_centres, distances
+from cfjax.problem.path import Pose, Profile
+
+
+ZERO, ONE = fmpq(0), fmpq(1)
+NEAR = 0.98  # of the clearance that sampling finds: so much has to be proven
+
+
+def exactly(numbers: Sequence[float]) -> tuple[fmpq, ...]:
+    return tuple(rational(float(number)) for number in numbers)
+
+
+class Claim(NamedTuple):
+    """The arguments of `prove_clearance`."""
+
+    pieces: tuple[Piece, ...]
+    start: ExactPose
+    shape: list[list[fmpq]]
+    template: str
+    rate: fmpq
+    obstacle: ObstacleClaim
+    disc: FootprintClaim
+    planes: Sequence[HalfPlane] = ()
+
+    def grown(self, by: float) -> "Claim":
+        obstacle = dataclasses.replace(self.obstacle, round=self.obstacle.round + rational(by))
+        return self._replace(obstacle=obstacle)
+
+    def solved(self) -> "Claim":
+        return self._replace(planes=find_half_planes(*self[:-1]))
+
+
+class Case(NamedTuple):
+    """A question in floating point: half-widths of the funnel and a correlation of heading and place."""
+
+    segment: Segment
+    widths: tuple[float, float, float, float]
+    correlation: float
+    template: str
+    rate: float
+    obstacle: Disc | Polygon
+    disc: FootprintDisc
+
+    @property
+    def spread(self) -> np.ndarray:
+        """C⁻¹."""
+        correlations = np.eye(4)
+        correlations[0, 1:3] = correlations[1:3, 0] = self.correlation
+        return correlations * np.outer(self.widths, self.widths)
+
+    def claim(self) -> Claim:
+        profiles = (
+            StatedProfile(exactly(profile.breaks), tuple(map(exactly, profile.coefficients)))
+            for profile in (self.segment.turn_rate, self.segment.speed)
+        )
+        turn_rate, speed = profiles
+        alpha, x, y = exactly(self.segment.start)
+        reference = exact_reference([StatedSegment(turn_rate, speed, (alpha, x, y))])
+        corners = tuple((rational(float(x)), rational(float(y))) for x, y in self.obstacle.corners)
+        lower = np.linalg.inv(self.spread)
+        shape = [[rational(float(lower[max(i, j), min(i, j)])) for j in range(4)] for i in range(4)]
+        return Claim(
+            reference.pieces,
+            reference.start,
+            shape,
+            self.template,
+            rational(self.rate),
+            ObstacleClaim(corners, rational(self.obstacle.round)),
+            FootprintClaim(*exactly(self.disc)),
+        )
+
+    def sampled(self) -> float:
+        """Least distance (m) of the disc from the obstacle over cars on the funnel's surface, placed one by one."""
+        theta = np.linspace(0.0, self.segment.duration, 81)
+        level = np.asarray(template_named(self.template).level(self.rate, theta))
+        x = surface(1000) @ np.linalg.cholesky(self.spread[:3, :3]).T
+        least = math.inf
+        for (alpha, px, py), size in zip(self.segment.poses(theta), np.sqrt(level), strict=True):
+            c, s = np.cos(alpha), np.sin(alpha)
+            cars = size * x @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]]) + [alpha, px, py]  # p = R(α_r) p_R + p_r
+            ((radius, centres),) = disc_centres([self.disc], cars)
+            least = min(least, float(distances(self.obstacle, centres)[0].min()) - radius)
+        return least
+
+
+def surface(count: int) -> np.ndarray:
+    """Points all over the unit sphere, a spiral from pole to pole."""
+    height = np.linspace(-1, 1, count)
+    angle = np.pi * (1 + 5**0.5) * np.arange(count)
+    around = np.sqrt(1 - height**2)
+    return np.stack([around * np.cos(angle), around * np.sin(angle), height], axis=1)
+
+
+SQUARE = Polygon(((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
+AROUND = obstacle_path().curve[0]
+BEND = Segment(
+    Profile((0.0, 0.75, 2.0), ((1.0, -2.0, 1.5), (0.25, 0.5))),
+    Profile((0.0, 2.0), ((1.0, 0.25),)),
+    Pose(0.5, -1.0, 0.25),
+)
+ARC = Segment(Profile.constant(-2.0, 4.0), Profile.constant(2.0, 4.0), Pose(1.0, 3.0, -2.0))  # more than a lap
+WIDTHS = (0.25, 0.12, 0.12, 0.3)
+CASES = {
+    "around a square": Case(AROUND, WIDTHS, 0.0, "contracting", 0.5, SQUARE, FootprintDisc(0.25)),
+    "around a square, paper": Case(AROUND, (0.25, 0.05, 0.2, 0.3), 0.3, "paper", 0.4, SQUARE, FootprintDisc(0.2, 0.15)),
+    "around a disc, growing": Case(
+        AROUND, WIDTHS, -0.4, "contracting", -0.3, Disc(0.0, 0.0, 0.2), FootprintDisc(0.1, -0.2)
+    ),
+    "a triangle ahead of the rear": Case(
+        BEND,
+        (0.5, 0.2, 0.1, 0.3),
+        0.5,
+        "paper",
+        -0.25,
+        Polygon(((-3.5, 1.0), (-4.5, 1.0), (-3.7, 2.2))),
+        FootprintDisc(0.1, -0.4),
+    ),
+    "a disc behind the front": Case(
+        BEND, (0.4, 0.1, 0.15, 0.3), 0.6, "contracting", 1.0, Disc(-0.7, -0.2, 0.3), FootprintDisc(0.2, 0.4)
+    ),
+    "inside of a lap": Case(ARC, WIDTHS, 0.2, "paper", 0.125, Disc(2.5, -2.9, 0.1), FootprintDisc(0.2, 0.25)),
+}
+every_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+
+
+@functools.cache
+def tight(name: str) -> tuple[Claim, float]:
+    """A case with its obstacle grown nearly as far as is true, solved; and the clearance that is left."""
+    case = CASES[name]
+    clearance = case.sampled()
+    assert clearance > 0.1
+    return case.claim().grown(NEAR * clearance).solved(), (1 - NEAR) * clearance
+
+
+# --- truth
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nearly_all_of_the_sampled_clearance_is_proven_and_no_more(name: str) -> None:
+    claim, left = tight(name)
+    prove_clearance(*claim)
+    beyond = claim.grown(left + 1e-9)  # a car that was placed touches it
+    with pytest.raises(ValueError, match="not proven at theta"):
+        prove_clearance(*beyond)
+    with pytest.raises(NotClear):
+        beyond.solved()
+
+
+@every_case
+def test_a_loose_claim_takes_few_half_planes(case: Case) -> None:
+    assert len(case.claim().solved().planes) <= (8 if case.segment is ARC else 4)
+
+
+@pytest.mark.parametrize(("offset", "correlation"), [*itertools.product((-0.4, 0.0, 0.3), (-0.6, 0.0, 0.6))])
+def test_reach_bounds_the_body_from_above_and_closely(offset: float, correlation: float) -> None:
+    """A car that stands, in every direction: bounds of the heading's higher orders have either sign there."""
+    case = CASES["a disc behind the front"]._replace(disc=FootprintDisc(0.1, offset), correlation=correlation)
+    case = case._replace(widths=WIDTHS)
+    claim = case.claim()
+    shadow = Shadow(claim.shape, claim.template, claim.rate, claim.disc)
+    standing = Piece(0, ZERO, ONE, (ZERO,), (ZERO,), ZERO)
+    x = surface(4000) @ np.linalg.cholesky(case.spread[:3, :3]).T
+    ((_, centres),) = disc_centres([case.disc], x)  # at heading zero the body's axes are the plane's
+    for angle in np.linspace(0, 2 * np.pi, 24, endpoint=False):
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        terms, bend = shadow.reach(acb(*map(arb, normal)), standing, ZERO, arb(0))
+        bound, reached = float((terms[0] + bend).upper()), float((centres @ normal).max())
+        assert reached <= bound <= reached + 0.004
+
+
+def test_what_happens_inside_a_piece_is_seen() -> None:
+    """Pieces that touch at their ends only: by a bend of the path, and by a funnel that grows around a car at rest."""
+    narrow = [[fmpq(10**8) if i == j else ZERO for j in range(4)] for i in range(4)]
+    start, disc = ExactPose(fmpq(-9, 20), acb(0)), FootprintClaim(ZERO, ZERO)
+    bend = Piece(0, ZERO, fmpq(9, 10), (ONE,), (ONE,), ZERO)  # from the line x = 0 and back to it
+    rest = Piece(0, ZERO, ONE, (ZERO,), (ZERO,), ZERO)
+    unit = [[fmpq(1 if i == j else 0) for j in range(4)] for i in range(4)]
+    for piece, shape, rate, edge in ((bend, narrow, ZERO, fmpq(1, 10**4)), (rest, unit, fmpq(-3), fmpq(2))):
+        for share, is_clear in ((fmpq(101, 100), True), (fmpq(99, 100), False)):
+            obstacle = ObstacleClaim(((-share * edge, ZERO),), ZERO)
+            claim = Claim((piece,), start, shape, "paper", rate, obstacle, disc)
+            claim = claim._replace(planes=[HalfPlane(piece.duration, (-ONE, ZERO))])
+            if is_clear:
+                prove_clearance(*claim)
+            else:
+                with pytest.raises(ValueError, match="not proven"):
+                    prove_clearance(*claim)
+
+
+def test_inner_poses_are_the_path_s() -> None:
+    segment = figure_eight().curve[0]
+    claim = CASES["around a disc, growing"]._replace(segment=segment).claim()
+    ends = [ZERO, *(fmpq(k, 7) * rational(segment.duration) for k in range(1, 7))]
+    pose = claim.start
+    for begin, end in itertools.pairwise(ends):
+        stretch = between(claim.pieces, begin, end)
+        assert stretch[0].theta == begin and sum((piece.duration for piece in stretch), ZERO) == end - begin
+        for piece in stretch:
+            pose = pose.after(piece)
+        alpha, x, y = segment.poses(np.array([float(end)]))[0]
+        assert (float(pose.heading), float(pose.position.real), float(pose.position.imag)) == pytest.approx(
+            (alpha, x, y)
+        )
+
+
+# --- the finder
+
+
+def test_obstacle_path_takes_few_half_planes_and_little_time() -> None:
+    for rate in (0.5, 2.0):
+        case = CASES["around a square"]._replace(rate=rate)
+        claim = case.claim().solved()
+        assert len(claim.planes) <= 3
+        began = time.perf_counter()
+        prove_clearance(*claim)
+        assert time.perf_counter() - began < 1.0  # about 0.01 s without run-time types
+
+
+def test_far_away_one_half_plane_does() -> None:
+    for name in ("around a square", "inside of a lap"):
+        case = CASES[name]._replace(obstacle=Disc(20.0, 30.0, 1.0))
+        (plane,) = case.claim().solved().planes
+        assert max(abs(entry) for entry in plane.normal) <= 4096 and all(entry.q == 1 for entry in plane.normal)
+
+
+def test_the_finder_says_where_the_body_touches() -> None:
+    case = CASES["around a square"]
+    theta = 0.4 * case.segment.duration
+    _, x, y = case.segment.poses(np.array([theta]))[0]
+    with pytest.raises(NotClear, match="into the obstacle") as caught:
+        case._replace(obstacle=Disc(x, y, 0.01)).claim().solved()
+    assert caught.value.theta == pytest.approx(theta, abs=0.1)
+    with pytest.raises(ValueError, match="empty before its end"):
+        case._replace(template="paper", rate=1.0).claim().solved()
+
+
+# --- attacks
+
+
+def moved(claim: Claim, by: float) -> Claim:
+    return claim._replace(start=claim.start._replace(position=claim.start.position + acb(0, -by)))
+
+
+def cut(claim: Claim) -> tuple[Piece, ...]:
+    """Its pieces, the first of them in two."""
+    first, *rest = claim.pieces
+    return (*first.split([first.duration / 3]), *rest)
+
+
+def planes(claim: Claim, change: Callable[[list[HalfPlane]], Sequence[HalfPlane]]) -> Claim:
+    return claim._replace(planes=change(list(claim.planes)))
+
+
+def end_at(plane: HalfPlane, end: fmpq) -> HalfPlane:
+    return HalfPlane(end, plane.normal)
+
+
+def against(plane: HalfPlane) -> HalfPlane:
+    x, y = plane.normal
+    return HalfPlane(plane.end, (-x, -y))
+
+
+ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
+    "grown": ("not proven", lambda c: c.grown(0.02)),
+    "corner moved": (
+        "not proven",
+        lambda c: c._replace(
+            obstacle=dataclasses.replace(c.obstacle, corners=(*c.obstacle.corners, (fmpq(-6, 25), fmpq(6, 25))))
+        ),
+    ),
+    "wider disc": ("not proven", lambda c: c._replace(disc=FootprintClaim(c.disc.radius + fmpq(1, 50), c.disc.offset))),
+    "disc elsewhere": ("not proven", lambda c: c._replace(disc=FootprintClaim(c.disc.radius, fmpq(1, 2)))),
+    "wider funnel": ("not proven", lambda c: c._replace(shape=[[e * fmpq(3, 5) for e in row] for row in c.shape])),
+    "no funnel": ("positive definite", lambda c: c._replace(shape=[[-e for e in row] for row in c.shape])),
+    "singular funnel": ("positive definite", lambda c: c._replace(shape=[[e * 0 for e in row] for row in c.shape])),
+    "three states": ("positive definite", lambda c: c._replace(shape=[row[:3] for row in c.shape[:3]])),
+    "growing": ("not proven", lambda c: c._replace(rate=-c.rate)),
+    "other template": ("empty before its end", lambda c: c._replace(template="paper", rate=ONE)),
+    "no template": ("unknown template", lambda c: c._replace(template="none")),
+    "start moved": ("not proven", lambda c: moved(c, 0.02)),
+    "start nowhere": ("not proven", lambda c: c._replace(start=ExactPose(c.start.heading, acb("nan")))),
+    "start anywhere": ("not proven", lambda c: c._replace(start=ExactPose(c.start.heading, acb(arb(0, 9), arb(0, 9))))),
+    "start turned": ("not proven", lambda c: c._replace(start=c.start._replace(heading=c.start.heading - fmpq(1, 20)))),
+    "no pieces": ("got none", lambda c: c._replace(pieces=())),
+    "nothing at all": ("got none", lambda c: c._replace(pieces=(), planes=())),
+    "first piece left out": ("from theta = 0", lambda c: c._replace(pieces=c.pieces[1:])),
+    "last piece left out": ("ends increase", lambda c: c._replace(pieces=c.pieces[:-1])),
+    "inner piece left out": ("from theta = 0", lambda c: c._replace(pieces=(*c.pieces[:3], *c.pieces[4:]))),
+    "pieces exchanged": ("from theta = 0", lambda c: c._replace(pieces=(c.pieces[1], c.pieces[0], *c.pieces[2:]))),
+    "a piece twice": ("from theta = 0", lambda c: c._replace(pieces=(c.pieces[0], *c.pieces))),
+    "two segments": (
+        "one segment",
+        lambda c: c._replace(pieces=(*c.pieces[:-1], dataclasses.replace(c.pieces[-1], segment=1))),
+    ),
+    "no half-planes": ("ends increase", lambda c: planes(c, lambda p: [])),
+    "too short": ("ends increase", lambda c: planes(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end - fmpq(1, 10**9))])),
+    "too long": ("ends increase", lambda c: planes(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end + fmpq(1, 10**9))])),
+    "backwards": ("ends increase", lambda c: planes(c, lambda p: [p[1], p[0], *p[2:]])),
+    "from below zero": ("ends increase", lambda c: planes(c, lambda p: [end_at(p[0], fmpq(-1)), *p])),
+    "one twice": ("ends increase", lambda c: planes(c, lambda p: [p[0], *p])),
+    "first left out": ("not proven", lambda c: planes(c, lambda p: p[1:])),
+    "middle left out": ("not proven", lambda c: planes(c, lambda p: [p[0], *p[2:]])),
+    "other side": ("not proven", lambda c: planes(c, lambda p: [*p[:-1], against(p[-1])])),
+    "held too long": (
+        "not proven",
+        lambda c: planes(c, lambda p: [end_at(p[0], (p[0].end + p[-1].end) / 2), end_at(p[-1], p[-1].end)]),
+    ),
+}
+
+
+@pytest.mark.parametrize(("reason", "attack"), ATTACKS.values(), ids=ATTACKS.keys())
+def test_what_is_spoiled_is_refused(reason: str, attack: Callable[[Claim], Claim]) -> None:
+    claim, _ = tight("around a square")
+    with pytest.raises(ValueError, match=reason):
+        prove_clearance(*attack(claim))
+
+
+def test_nothing_is_claimed_of_no_obstacle_no_disc_and_no_half_plane() -> None:
+    for nonsense in (
+        lambda: ObstacleClaim((), ZERO),
+        lambda: ObstacleClaim(((ZERO, ZERO),), fmpq(-1)),
+        lambda: FootprintClaim(fmpq(-1), ZERO),
+        lambda: HalfPlane(ONE, (ZERO, ZERO)),
+    ):
+        with pytest.raises(ValueError, match="clearance: expected"):
+            nonsense()
+
+
+def test_pieces_may_be_cut_and_normals_of_any_length() -> None:
+    claim, _ = tight("around a square")
+    prove_clearance(*claim._replace(pieces=cut(claim)))
+    scaled = [HalfPlane(p.end, (p.normal[0] * fmpq(10) ** 90, p.normal[1] * fmpq(10) ** 90)) for p in claim.planes]
+    prove_clearance(*claim._replace(planes=scaled))
+
+
+HUGE = fmpq(10) ** 300
+
+
+def steady(turn_rate: fmpq, speed: fmpq, duration: fmpq = ONE, slope: fmpq = ZERO) -> Callable[[Claim], Claim]:
+    """The claim along a path of one piece, with one half-plane and its obstacle at the origin."""
+
+    def change(claim: Claim) -> Claim:
+        piece = Piece(0, ZERO, duration, (turn_rate,), (speed, slope), ZERO)
+        start = ExactPose(ZERO, acb(0, -30))
+        return claim._replace(
+            pieces=(piece,), start=start, rate=ZERO, planes=[HalfPlane(duration, (ZERO, ONE))], disc=claim.disc
+        )
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "attack",
+    [
+        steady(fmpq(10**9), ONE),
+        steady(HUGE, ONE),
+        steady(ONE, ONE, HUGE),
+        steady(ONE, ONE, fmpq(10**6)),
+        steady(ONE, ONE, fmpq(10**6), fmpq(1, 10**20)),  # no closed form
+        steady(ZERO, fmpq(-(10**9))),  # straight away from it
+        steady(ONE, HUGE, ONE, -HUGE),
+        lambda c: c._replace(start=ExactPose(HUGE, acb(HUGE))),
+        lambda c: c._replace(rate=HUGE),
+        lambda c: c._replace(shape=[[e / HUGE for e in row] for row in c.shape]),
+        lambda c: c._replace(obstacle=ObstacleClaim(((HUGE, ZERO), (-HUGE, ZERO)), HUGE)),
+        lambda c: c._replace(obstacle=ObstacleClaim(c.obstacle.corners * 10**5, c.obstacle.round)),
+        lambda c: c._replace(disc=FootprintClaim(ZERO, HUGE)),
+        lambda c: planes(c, lambda p: [HalfPlane(fmpq(k, 2000) * p[-1].end, p[0].normal) for k in range(1, 2001)]),
+        lambda c: planes(c, lambda p: [HalfPlane(q.end, (q.normal[0] + 1 / HUGE**3, q.normal[1])) for q in p]),
+        lambda c: c._replace(pieces=(dataclasses.replace(c.pieces[0], speed=(ONE,) * 10**4), *c.pieces[1:])),
+    ],
+)
+def test_hostile_numbers_are_refused_quickly(attack: Callable[[Claim], Claim]) -> None:
+    claim, _ = tight("around a square")
+    began = time.perf_counter()
+    with pytest.raises(ValueError, match=r"^[^\n]{10,160}$"):
+        prove_clearance(*attack(claim), budget=Budget(2**16))
+    assert time.perf_counter() - began < 3.0  # about 0.3 s with a sixteenth of the effort that is allowed
