@@ -37,17 +37,18 @@ class ClosedLoop:
     """Cars driven through the funnel under the certified law; counts of what must not happen, and what was seen."""
 
     cars: int
-    left_funnel: int  # V > 1 at some time
-    left_safe: int  # outside S at some time
+    left_funnel: int  # V > 1 at some time, in the funnel where the car was
+    left_safe: int  # outside S at some time: outside the box, or into an obstacle
     missed_goal: int  # not inside G when θ reached T; in a tube: outside G at some time
     largest_value: float  # max of V over all cars and times
-    arrival: tuple[float, float] | None  # earliest and latest arrival, s; None in a tube, which has no end
+    arrival: tuple[float, float] | None  # earliest and latest, s; None in a tube, which has no end, or if none arrived
 
 
 @dataclass(frozen=True)
 class Rollouts:
     """Recorded cars: clock and θ (s), deviations, and V; axes (time, car[, state]). Arrived cars stay at θ = T.
 
+    θ counts along the whole path, over all its segments; V is that of the funnel in which the car is.
     In a tube every car has a path of its own, and `reference` is the pose on it: heading in rad, position in m.
     """
 
@@ -67,7 +68,7 @@ class Result:
     problem: Problem
     segments: tuple[SegmentResult, ...] = ()
     closed_loop: ClosedLoop | None = None
-    rollouts: tuple[Rollouts, ...] = ()  # one per segment that cars were driven through
+    rollouts: tuple[Rollouts, ...] = ()  # one for the cars that were driven, along the whole path
     seconds: dict[str, float] = field(default_factory=dict)  # learn, certify, simulate, plot, …, total
     iterations: int = 0  # rounds of the learn–certify loop
     history: tuple[dict[str, float], ...] = ()  # per round: margin falsified, certified, counterexamples

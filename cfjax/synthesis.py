@@ -1,5 +1,6 @@
 """From a problem to a certified funnel: learner ⇄ falsifier, then certificate; then cars through it."""
 
+import itertools
 import os
 import sys
 import time
@@ -18,7 +19,7 @@ from cfjax.learner import Learned, learn_for
 from cfjax.options import Options, Progress
 from cfjax.problem import Problem, Segment, Tube
 from cfjax.result import Result, SegmentResult
-from cfjax.simulation import drive_cars, drive_tube_cars
+from cfjax.simulation import Leg, drive_cars, drive_tube_cars
 from cfjax.verdict import Verdict
 
 
@@ -71,7 +72,12 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
             per_metre = found.margin_per_metre or 0.0
             loop, cars = drive_tube_cars(result.problem, found.funnel, margin, per_metre, **how_many)
         else:
-            loop, cars = drive_cars(result.problem, segment, found.funnel, margin, **how_many)
+            ends = itertools.accumulate(segment.duration for segment in result.problem.path.segments)
+            legs = [
+                Leg(end, each.funnel, each.margin_certified or 0.0)
+                for end, each in zip(ends, result.segments, strict=True)
+            ]
+            loop, cars = drive_cars(result.problem, legs, **how_many)
         result = result.replace(closed_loop=loop, rollouts=(cars,))
         progress("simulate", 1, 1)
     except Exception as error:

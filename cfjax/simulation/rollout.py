@@ -1,188 +1,283 @@
-"""Closed loop on the model: many cars at once under the min-norm law, fixed-step RK4."""
+"""Cars along a path: through one funnel after another, beside obstacles.
 
+A path is driven in legs: stretches of θ that have a funnel each. Where a car reaches the end of its leg it is put there
+and goes on in the next funnel, so that no step takes one funnel's law into another's. The same is done where turning
+rate, speed or acceleration of the path jump, or such a step would be off by O(h). Where the path's polynomials only
+have a kink no car is stopped: a step across it is off by O(h²).
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from cfjax.control import MinNormLaw, min_norm_input, min_norm_law
+from cfjax.control import min_norm_law
+from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
-from cfjax.problem import Ellipsoid, Problem, ReferencePoint, Segment, Vehicle, deviation_rate
+from cfjax.problem import Problem, ReferencePoint, Vehicle
 from cfjax.result import ClosedLoop, Rollouts
+from cfjax.simulation.clearance import Surroundings, clearance, surroundings
+from cfjax.simulation.course import Pieces, point_at, poses_of, profiles_of
+from cfjax.simulation.loop import (
+    MOST_ROWS,
+    RECORDED,
+    ROUNDING,
+    Cars,
+    Loop,
+    advance,
+    enter,
+    fastest,
+    loop_of,
+    sample_starts,
+    start,
+)
 
 
-STEPS_PER_SEGMENT = 400  # of reference time; u0 ≥ 1/2 takes at most twice as many
-RK4_NODES, RK4_WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)
-RECORDED = 24  # cars, at least
-MOST_ROWS = 4000  # of a record; slower cars are recorded up to there
-ROUNDING = 1e-9  # of V at a car that starts on the boundary of a set
+STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at most twice as many
+STEP_SHARE = 1 / 5  # of the funnel scaled to a half-width of 1 rad in heading: per step at full inputs, at most
+JUMP = 1e-6  # relative to the largest along the path: less is rounding
+MEETS = 1e-9  # relative to the path's duration: what rounding may leave between an end and what it should meet
 
 
-def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "count n"]:
-    """Random deviations of I: one half uniform in the volume, the other on the boundary."""
-    axes = jnp.array(inlet.half_axes)
-    key_direction, key_radius = jax.random.split(key)
-    direction = jax.random.normal(key_direction, (count, len(inlet.half_axes)))
-    direction = direction / jnp.linalg.norm(direction, axis=1, keepdims=True)
-    radius = jax.random.uniform(key_radius, (count, 1)) ** (1 / len(inlet.half_axes))
-    radius = jnp.where(jnp.arange(count)[:, None] < count // 2, 1.0, radius)
-    return direction * radius * axes[None, :]
+class Leg(NamedTuple):
+    """A stretch of the path and the funnel there: a segment of a chain, or what is driven in one universal tube.
+
+    θ counts along the whole path, over all its segments; a leg begins where the one before ends, the first at θ = 0.
+    The funnel counts its own θ from the leg's begin.
+    """
+
+    end: float  # θ, s
+    funnel: Funnel  # of the leg's duration; or of a tube: infinite, rate 0, V = xᵀCx
+    margin: float  # λ, 1/s
+    margin_per_metre: float = 0.0  # μ, 1/m of the reference's way; see `cfjax.control.min_norm_law`
 
 
-class Cars(NamedTuple):
-    """State of many closed loops: reference time θ, deviation, the clock and the largest V so far; arrays of k."""
+class Legs(NamedTuple):
+    """The legs, cut where the path jumps, as arrays: every leaf has a leading axis of legs."""
 
-    theta: Array
-    x: tuple[Array, ...]  # one array per state
+    loop: Loop
+    first: Array  # of the path's pieces
+    last: Array
+
+    def of(self, leg: Array) -> "Legs":
+        """What each car needs in its leg, cars on the last axis; the same for all where there is but one leg."""
+        if self.first.shape[0] == 1:
+            return jax.tree.map(lambda leaf: leaf[0], self)
+        return jax.tree.map(lambda leaf: jnp.moveaxis(leaf[leg], 0, -1), self)
+
+
+class Driven(NamedTuple):
+    """Cars on their way: arrays of k."""
+
+    cars: Cars
+    leg: Array
+    clearance: Array  # m to the nearest obstacle, the least so far; inf where there are none
+
+
+class Record(NamedTuple):
+    """What is kept of a recorded car before a step."""
+
     clock: Array
-    largest_value: Array
-    worst_safe: Array  # max over time of |x_i| / s_i
+    theta: Array
+    x: tuple[Array, ...]
+    value: Array
 
 
-class Loop(NamedTuple):
-    """What a closed loop needs beside vehicle and template, as a pytree."""
-
-    law: MinNormLaw
-    duration: Array
-    safe: Array  # half-widths of S, inf where there is none
-    step: Array  # s of the clock; may be one per car
-
-
-class Stretch(NamedTuple):
-    """The reference along one step, as profiles at its start: they go on along θ with their slopes."""
-
-    actual: ReferencePoint  # what the deviation is measured from
-    seen: ReferencePoint  # what the law is told
-
-
-def _along(reference: ReferencePoint, since: Array) -> ReferencePoint:
-    """The profile `since` (s of θ) later."""
-    omega, v, omega_slope, v_slope, since = jnp.broadcast_arrays(*reference, since)
-    return ReferencePoint(omega + omega_slope * since, v + v_slope * since, omega_slope, v_slope)
-
-
-def _value(template: Template, loop: Loop, theta: Array, x: tuple[Array, ...]) -> Array:
-    each = range(len(x))
-    form = sum((loop.law.shape[i, j] * x[i] * x[j] for i in each for j in each), jnp.zeros_like(theta))
-    return jnp.asarray(template.value(loop.law.rate, theta, form))
-
-
-def _safe_share(loop: Loop, x: tuple[Array, ...]) -> Array:
-    return jnp.max(jnp.stack([jnp.abs(x[i]) / loop.safe[i] for i in range(len(x))]), axis=0)
-
-
-def _start(template: Template, loop: Loop, starts: Float[Array, "k n"]) -> Cars:
-    zero, x = jnp.zeros(starts.shape[0]), tuple(starts.T)
-    return Cars(zero, x, zero, _value(template, loop, zero, x), _safe_share(loop, x))
-
-
-def _advance(vehicle: Vehicle, template: Template, loop: Loop, stretch: Stretch, cars: Cars) -> Cars:
-    """One RK4 step; a car that passes θ = T is put where it crossed, a car that has arrived stays."""
-
-    def rate(z: tuple[Array, ...]) -> tuple[Array, ...]:
-        theta, *x = z
-        actual, seen = (_along(reference, theta - cars.theta) for reference in stretch)
-        inputs = min_norm_input(vehicle, template, loop.law, seen, theta, x)
-        return inputs[0], *deviation_rate(vehicle, x, inputs, actual)
-
-    def moved(h: Array, k: tuple[Array, ...]) -> tuple[Array, ...]:
-        return tuple(a + h * b for a, b in zip(z, k, strict=True))
-
-    def stage(carry: tuple, coefficients: tuple[Array, Array]) -> tuple[tuple, None]:
-        k, mean = carry
-        node, weight = coefficients
-        k = rate(moved(node * loop.step, k))
-        return (k, tuple(a + weight * b for a, b in zip(mean, k, strict=True))), None
-
-    # a loop over the four stages, not four copies: compiling the law once takes a quarter of the time
-    z = (cars.theta, *cars.x)
-    rest = tuple(jnp.zeros_like(a) for a in z)
-    (_, mean), _ = jax.lax.scan(stage, (rest, rest), (jnp.array(RK4_NODES), jnp.array(RK4_WEIGHTS)))
-    # θ never goes back, so the share of the step until θ = T is well defined; the chord is O(h²) off
-    share = jnp.clip((loop.duration - cars.theta) / (loop.step * mean[0]), 0.0, 1.0)
-    theta, *x = moved(share * loop.step, mean)
-    x = tuple(x)
-    arrived = cars.theta >= loop.duration
-    value = _value(template, loop, theta, x)
-    return Cars(
-        theta=theta,
-        x=x,
-        clock=cars.clock + share * loop.step,
-        largest_value=jnp.where(arrived, cars.largest_value, jnp.maximum(cars.largest_value, value)),
-        worst_safe=jnp.maximum(cars.worst_safe, _safe_share(loop, x)),
-    )
-
-
-@partial(jax.jit, static_argnames=("vehicle", "template", "limit", "stride"))
+@partial(jax.jit, static_argnames=("vehicle", "template", "limit", "every", "stride"))
 def drive(
     vehicle: Vehicle,
     template: Template,
-    loop: Loop,
-    stretch: Stretch,
+    legs: Legs,
+    profiles: Pieces,
+    obstacles: tuple[Pieces, Surroundings] | None,
     starts: Float[Array, "k n"],
     limit: int,
+    every: int,
     stride: int,
-) -> tuple[Cars, Cars]:
-    """All cars, driven until each has arrived, at most `limit` steps.
+) -> tuple[Driven, Record]:
+    """All cars, driven until each has arrived, at most `limit` steps; `obstacles` come with the poses along the path.
 
-    Returns their final states, and the states of every `stride`-th car before each step: leading axis time, rows after
-    the last arrival repeat it.
+    Returns their final states, and a record of each `stride`-th car before each `every`-th step: leading axis time,
+    rows after the last arrival repeat it.
     """
+    final = legs.first.shape[0] - 1
+    finish = legs.loop.end[final]
 
-    def running(carry: tuple[Array, Cars, Cars]) -> Array:
-        return (carry[0] < limit) & jnp.any(carry[1].theta < loop.duration)
+    def apart(cars: Cars) -> Array:
+        if obstacles is None:
+            return jnp.full_like(cars.theta, jnp.inf)
+        poses, around = obstacles
+        pose = tuple(place for place, _ in poses.at(poses.find(cars.theta), cars.theta))
+        return clearance(around, pose, cars.x)
 
-    def step(carry: tuple[Array, Cars, Cars]) -> tuple[Array, Cars, Cars]:
-        count, cars, history = carry
-        history = jax.tree.map(lambda past, now: past.at[count].set(now[::stride], mode="drop"), history, cars)
-        return count + 1, _advance(vehicle, template, loop, stretch, cars), history
+    def entered(driven: Driven, own: Legs) -> tuple[Driven, Legs]:
+        """Cars at the end of their leg go on in the next: their V is that of its funnel from now on."""
+        if not final:
+            return driven, own
+        leg = jnp.minimum(driven.leg + (driven.cars.theta >= own.loop.end), final)
+        # few steps take a car into another leg: looking up all of a law costs as much as the rest of a step
+        own = jax.lax.cond(jnp.any(leg != driven.leg), lambda: legs.of(leg), lambda: own)
+        return driven._replace(cars=enter(template, own.loop, driven.cars), leg=leg), own
 
-    cars = _start(template, loop, starts)
-    rows = min(limit + 1, MOST_ROWS)
-    empty = jax.tree.map(lambda now: jnp.zeros((rows, *now[::stride].shape)), cars)
-    count, cars, history = jax.lax.while_loop(running, step, (jnp.zeros((), int), cars, empty))
-    after = jnp.arange(rows)[:, None] >= count
-    return cars, jax.tree.map(lambda past, now: jnp.where(after, now[None, ::stride], past), history, cars)
+    def running(carry: tuple[Array, Driven, Legs, Record]) -> Array:
+        return (carry[0] < limit) & jnp.any(carry[1].cars.theta < finish)
+
+    def recorded(driven: Driven) -> Record:
+        cars = driven.cars
+        return jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, cars.value))
+
+    def step(carry: tuple[Array, Driven, Legs, Record]) -> tuple[Array, Driven, Legs, Record]:
+        count, driven, own, history = carry
+        driven, own = entered(driven, own)
+        row = jnp.where(count % every == 0, count // every, rows)  # beyond the last: dropped
+        history = jax.tree.map(lambda past, now: past.at[row].set(now, mode="drop"), history, recorded(driven))
+
+        def reference(theta: Array) -> tuple:
+            # the leg's own pieces go on beyond its ends: a step that passes one does not see what follows
+            point = point_at(profiles, jnp.clip(profiles.find(theta), own.first, own.last), theta)
+            return point, point
+
+        cars = advance(vehicle, template, own.loop, reference, driven.cars)
+        return count + 1, Driven(cars, driven.leg, jnp.minimum(driven.clearance, apart(cars))), own, history
+
+    none = jnp.zeros(starts.shape[0], int)
+    own = legs.of(none)
+    cars = start(template, own.loop, starts)
+    driven = Driven(cars, none, apart(cars))
+    rows = -(-limit // every) + 1
+    empty = jax.tree.map(lambda now: jnp.zeros((rows, *now.shape)), recorded(driven))
+    count, driven, _, history = jax.lax.while_loop(running, step, (jnp.zeros((), int), driven, own, empty))
+    after = jnp.arange(rows)[:, None] * every >= count
+    history = jax.tree.map(lambda past, now: jnp.where(after, now[None], past), history, recorded(driven))
+    return driven, history
 
 
-def _loop(problem: Problem, funnel: Funnel, law: MinNormLaw, step: float) -> Loop:
-    safe = problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension
-    return Loop(law, jnp.asarray(funnel.duration, float), jnp.array(safe), jnp.asarray(step, float))
+def _checked(problem: Problem, legs: Sequence[Leg]) -> list[Leg]:
+    """The legs, the last of which ends exactly with the path.
 
-
-def _steady(segment: Segment) -> Stretch:
-    """The same all along, and known."""
-    point = ReferencePoint(*(jnp.asarray(value, float) for value in segment.point(0.0)))
-    return Stretch(point, point)
-
-
-def drive_cars(
-    problem: Problem, segment: Segment, funnel: Funnel, margin: float, *, cars: int, seed: int = 0
-) -> tuple[ClosedLoop, Rollouts]:
-    """Drive `cars` cars from random deviations of I at θ = 0 under the law of the margin (1/s).
-
-    Returns what went wrong and when they arrived, and the recorded way of a few of them.
+    Raises:
+        InputError: where they do not lead along the path from its start to its end.
     """
-    law = min_norm_law(problem, funnel, margin)
-    loop = _loop(problem, funnel, law, segment.duration / STEPS_PER_SEGMENT)
+    if problem.path.tube:
+        raise InputError(f"path {problem.path.name}: expected segments, got a tube, which has no end")
+    duration = float(np.cumsum([segment.duration for segment in problem.path.curve])[-1])
+    ends = [0.0, *(float(leg.end) for leg in legs)]
+    shortest = min((b - a for a, b in itertools.pairwise(ends)), default=0.0)
+    if not shortest > MEETS * duration or not abs(ends[-1] - duration) <= MEETS * duration:
+        raise InputError(
+            f"legs: expected increasing ends, the last at theta = {duration:g} s where the path ends, got {ends[1:]}"
+        )
+    for index, (leg, begin) in enumerate(zip(legs, ends[:-1], strict=True)):
+        own = leg.funnel.duration
+        if np.isfinite(own) and not abs(own - (leg.end - begin)) <= MEETS * duration:
+            raise InputError(f"legs: expected a funnel of {leg.end - begin:g} s for leg {index}, got one of {own:g} s")
+        if leg.funnel.dimension != problem.dimension:
+            raise InputError(f"legs: expected {problem.dimension} states, got {leg.funnel.dimension} in leg {index}")
+    return [*legs[:-1], legs[-1]._replace(end=duration)]
+
+
+def _template(legs: Sequence[Leg]) -> Template:
+    """The template of all funnels. At rate 0 every template is V = xᵀCx, so a tube's goes with any."""
+    found = {leg.funnel.template.name: leg.funnel.template for leg in legs if leg.funnel.rate}
+    if len(found) > 1:
+        raise InputError(f"legs: expected funnels of one template, got {' and '.join(sorted(found))}")
+    return next(iter(found.values()), legs[0].funnel.template)
+
+
+def _jumps(profiles: Pieces) -> Float[np.ndarray, " j"]:
+    """θ (s) at which turning rate, speed or acceleration of the path jump."""
+    begin = np.asarray(profiles.begin)
+    before, after = np.arange(len(begin) - 1), np.arange(1, len(begin))
+    sides = [point_at(profiles, jnp.asarray(piece), jnp.asarray(begin[1:])) for piece in (before, after)]
+    jumps = np.zeros(len(before), bool)
+    for name in ("turn_rate", "speed", "speed_slope") if len(before) else ():
+        left, right = (np.asarray(getattr(side, name)) for side in sides)
+        jumps |= np.abs(right - left) > JUMP * np.abs([left, right]).max()
+    return begin[1:][jumps]
+
+
+def _legs(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
+    """The legs as arrays, with the step of each."""
+    ends = np.array([0.0, *(leg.end for leg in legs)])
+    margin = MEETS * ends[-1]  # an end and the break that it stands for may be computed in two ways
+    pieces, jumps = np.asarray(profiles.begin), _jumps(profiles)
+    loops, firsts, lasts = [], [], []
+    for leg, begin, end in zip(legs, ends[:-1], ends[1:], strict=True):
+        law = min_norm_law(problem, leg.funnel, leg.margin, leg.margin_per_metre)
+        cuts = [begin, *jumps[(jumps > begin + margin) & (jumps < end - margin)], end]
+        for since, until in itertools.pairwise(cuts):
+            first = int(np.searchsorted(pieces, since + margin, side="right")) - 1
+            last = int(np.searchsorted(pieces, until - margin, side="left")) - 1
+            theta = np.array([since, *pieces[first + 1 : last + 1], until])
+            step = min(ends[-1] / STEPS, _step(problem, leg.funnel, profiles, np.arange(first, last + 1), theta))
+            loops.append(loop_of(problem, law, step, float(begin), float(until)))  # V counts from the leg's begin
+            firsts.append(first)
+            lasts.append(last)
+    return Legs(jax.tree.map(lambda *leaves: jnp.stack(leaves), *loops), jnp.array(firsts), jnp.array(lasts))
+
+
+def _step(
+    problem: Problem, funnel: Funnel, profiles: Pieces, piece: Int[np.ndarray, " m"], ends: Float[np.ndarray, " m+1"]
+) -> float:
+    """The step (s) in which full inputs move a car on the reference by STEP_SHARE of a funnel of this shape.
+
+    Of the shape, not of the size: near the reference the law is as steep in a narrow funnel as in a wide one, and so
+    are errors relative to it. Vehicles that are similar take as many steps, and their number grows with the path's
+    length. Looked at in the middle and at both ends of the path's pieces, which lie between `ends`.
+    """
+    rows = [
+        np.stack([np.broadcast_to(field, piece.shape) for field in point_at(profiles, jnp.asarray(piece), at)], axis=1)
+        for at in map(jnp.asarray, (ends[:-1], 0.5 * (ends[1:] + ends[:-1]), ends[1:]))
+    ]
+    points = {ReferencePoint(*map(float, row)) for row in np.concatenate(rows)}
+    heading = float(np.sqrt(np.linalg.inv(funnel.shape)[0, 0]))
+    return STEP_SHARE / (heading * max(fastest(problem, funnel, point) for point in points))
+
+
+def drive_cars(problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0) -> tuple[ClosedLoop, Rollouts]:
+    """Drive `cars` cars from random deviations of I at θ = 0 to the path's end, each leg under the law of its margins.
+
+    The cars know where they are on the path: the law reads the reference at their θ. What is counted is looked at after
+    each step, and V at the end of a leg in both funnels. A car has left S if it leaves the box or if its footprint
+    overlaps an obstacle; one that is lost (not a number) has failed in everything.
+
+    Returns what went wrong and when they arrived, and the recorded way of a few of them: θ along the whole path, V in
+    the funnel of the leg in which the car is. Of a long way not every step is recorded.
+
+    Raises:
+        InputError: where the legs do not lead along the path, or their funnels have several templates.
+    """
+    legs = _checked(problem, legs)
+    template, profiles = _template(legs), profiles_of(problem.path)
+    table = _legs(problem, legs, profiles)
+    around = None
+    if problem.obstacles:
+        around = (poses_of(problem.path), surroundings(problem.obstacles, problem.footprint))
+    end, step = np.asarray(table.loop.end), np.asarray(table.loop.step)
+    # at the slowest timing; each leg ends within a step of its own
+    limit = int(np.ceil(np.diff(end, prepend=0.0) / step / problem.inputs[0].lower + 1).sum()) + 1
+    every = math.ceil(limit / MOST_ROWS)
     starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
-    limit = int(np.ceil(STEPS_PER_SEGMENT / problem.timing.lower)) + 2  # u0 of tracking is 1: sooner
     stride = max(1, cars // RECORDED)
-    driven = drive(problem.vehicle, funnel.template, loop, _steady(segment), starts, limit, stride)
-    end, history = jax.block_until_ready(driven)
-    goal = np.stack(end.x, axis=-1) / np.array(problem.goal.half_axes)
-    arrived = np.asarray(end.theta) >= segment.duration * (1 - ROUNDING)
-    largest, clock = np.asarray(end.largest_value), np.asarray(end.clock)
+    driven = drive(problem.vehicle, template, table, profiles, around, starts, limit, every, stride)
+    (last, _, clear), history = jax.block_until_ready(driven)
+    goal = np.stack(last.x, axis=-1) / np.array(problem.goal.half_axes)
+    arrived = np.asarray(last.theta) >= end[-1]
+    largest, clock = np.asarray(last.largest_value), np.asarray(last.clock)[arrived]
+    inside = (np.asarray(last.worst_safe) <= 1 + ROUNDING) & (np.asarray(clear) >= -ROUNDING)
     summary = ClosedLoop(
         cars=cars,
         left_funnel=int((~(largest <= 1 + ROUNDING)).sum()),
-        left_safe=int((~(np.asarray(end.worst_safe) <= 1 + ROUNDING)).sum()),
+        left_safe=int((~inside).sum()),
         missed_goal=int((~(arrived & ((goal**2).sum(axis=1) < 1))).sum()),
         largest_value=float(largest.max()),
-        arrival=(float(clock.min()), float(clock.max())),
+        arrival=(float(clock.min()), float(clock.max())) if clock.size else None,
     )
-    theta, x = np.asarray(history.theta), np.stack(history.x, axis=-1)
-    return summary, Rollouts(np.asarray(history.clock), theta, x, funnel.value(theta, x))
+    theta, x, value = np.asarray(history.theta), np.stack(history.x, axis=-1), np.asarray(history.value)
+    return summary, Rollouts(np.asarray(history.clock), theta, x, value)

@@ -18,7 +18,6 @@ steps.
 
 import math
 from functools import partial
-from itertools import product
 from typing import NamedTuple
 
 import jax
@@ -38,21 +37,21 @@ from cfjax.problem import (
     Segment,
     Tube,
     Vehicle,
-    affine_deviation,
     deviation_rate,
 )
 from cfjax.result import ClosedLoop, Rollouts
-from cfjax.simulation.rollout import (
+from cfjax.simulation.loop import (
     MOST_ROWS,
     RECORDED,
     ROUNDING,
     Cars,
     Loop,
-    Stretch,
-    _advance,
-    _loop,
-    _start,
+    Reference,
+    advance,
+    fastest,
+    loop_of,
     sample_starts,
+    start,
 )
 
 
@@ -112,6 +111,17 @@ class Record(NamedTuple):
     theta: Array
     x: tuple[Array, ...]
     reference: ReferencePoint
+
+
+def _along(reference: ReferencePoint, since: Array) -> ReferencePoint:
+    """The profile `since` (s of θ) later: it goes on with its slopes."""
+    omega, v, omega_slope, v_slope, since = jnp.broadcast_arrays(*reference, since)
+    return ReferencePoint(omega + omega_slope * since, v + v_slope * since, omega_slope, v_slope)
+
+
+def going_on(actual: ReferencePoint, seen: ReferencePoint, theta: Array) -> Reference:
+    """The reference along one step that begins at θ (s): what it is, and what the law is told of it."""
+    return lambda now: (_along(actual, now - theta), _along(seen, now - theta))
 
 
 def _uniform(key: Array, ends: tuple[Array, Array], count: int, bang: Array) -> Array:
@@ -210,29 +220,21 @@ def drive_tube(
         seen = path_point(jnp.where(crew.blind, middle, kappa.value), paths.speed, held)
         imposed = tuple(jnp.where(crew.robust, end, kappa.value) for end in bounds.curvature)
         moving = loop._replace(law=loop.law._replace(curvature=imposed), step=clock)
-        after = _advance(vehicle, template, moving, Stretch(actual, seen), cars)
+        after = advance(vehicle, template, moving, going_on(actual, seen, cars.theta), cars)
         speed = jnp.clip(paths.speed + held * (after.theta - cars.theta), lower, upper)
         record = Record(cars.clock, cars.theta, cars.x, actual)
         carry = after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))
         return carry, jax.tree.map(lambda now: now[::stride], record)
 
-    cars = _start(template, loop, starts)
+    cars = start(template, loop, starts)
     (cars, _, worst_goal), history = jax.lax.scan(step, (cars, paths, goal_share(cars.x)), jnp.arange(steps))
     return cars, worst_goal, history
 
 
 def step_length(problem: Problem, tube: Tube, funnel: Funnel) -> float:
-    """Δs in m: STEP_SHARE over the largest |ẋ|/v_r at x = 0, over the corners of references and of the input box.
-
-    |ẋ|² = ẋᵀCẋ: √V changes by at most so much per second.
-    """
-    corners = np.array(list(product(*((box.lower, box.upper) for box in problem.inputs))))
-    fastest = 0.0
-    for point in (point for group in tube.references() for point in group):
-        drift, columns = affine_deviation(problem.vehicle, jnp.zeros(problem.dimension), point)
-        rates = np.asarray(drift)[None, :] + corners @ np.asarray(columns).T
-        fastest = max(fastest, float(np.sqrt(funnel.form(rates).max())) / point.speed)
-    return STEP_SHARE / fastest
+    """Δs in m: STEP_SHARE over the largest |ẋ|/v_r at x = 0, over the corners of references and of the input box."""
+    points = [point for group in tube.references() for point in group]
+    return STEP_SHARE / max(fastest(problem, funnel, point) / point.speed for point in points)
 
 
 def _contraction_length(problem: Problem, funnel: Funnel, margin_per_metre: float) -> float:
@@ -311,7 +313,7 @@ def drive_tube_cars(
     driven = drive_tube(
         problem.vehicle,
         funnel.template,
-        _loop(problem, funnel, law, length),
+        loop_of(problem, law, length),
         Bounds(as_pair(tube.curvature), as_pair(tube.speed), as_pair(tube.acceleration)),
         jnp.array(problem.goal.half_axes),
         _starts(key_starts, problem, funnel, cars),

@@ -13,8 +13,8 @@ from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Box, Interval, Problem, ball, circle, tube
 from cfjax.simulation import drive_tube_cars
-from cfjax.simulation.rollout import Stretch, _advance, _loop, _start
-from cfjax.simulation.tube import Bounds, _starts, drive_tube, step_length
+from cfjax.simulation.loop import advance, loop_of, start
+from cfjax.simulation.tube import Bounds, _starts, drive_tube, going_on, step_length
 
 
 PROBLEM = Problem(
@@ -88,22 +88,24 @@ def test_steps_are_fine_enough() -> None:
     kappas = rng.choice([TUBE.curvature.lower, TUBE.curvature.upper], size=(steps, count))
     speed = rng.choice([TUBE.speed.lower, TUBE.speed.upper], size=count)
     law = min_norm_law(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
-    start = _start(
-        FUNNEL.template, _loop(PROBLEM, FUNNEL, law, 0.0), _starts(jax.random.key(1), PROBLEM, FUNNEL, count)
-    )
+    starts = _starts(jax.random.key(1), PROBLEM, FUNNEL, count)
+    first = start(FUNNEL.template, loop_of(PROBLEM, law, 0.0), starts)
 
     @partial(jax.jit, static_argnames="pieces")
     def values(pieces: int):
-        loop = _loop(PROBLEM, FUNNEL, law, 0.0)._replace(step=jnp.asarray(length / pieces / speed))
+        loop = loop_of(PROBLEM, law, 0.0)._replace(step=jnp.asarray(length / pieces / speed))
 
         def step(cars, kappa):
             point = path_point(kappa, speed)
-            stretch = Stretch(point, point)
-            advance = partial(_advance, PROBLEM.vehicle, FUNNEL.template, loop, stretch)
-            cars = jax.lax.fori_loop(0, pieces, lambda _, now: advance(now), cars)
+
+            def forward(_, now):
+                reference = going_on(point, point, now.theta)
+                return advance(PROBLEM.vehicle, FUNNEL.template, loop, reference, now)
+
+            cars = jax.lax.fori_loop(0, pieces, forward, cars)
             return cars, jnp.stack(cars.x, axis=-1)
 
-        return jax.lax.scan(step, start, jnp.asarray(kappas))[1]
+        return jax.lax.scan(step, first, jnp.asarray(kappas))[1]
 
     coarse, fine = (FUNNEL.form(np.asarray(values(pieces))) for pieces in (1, 16))
     assert (np.abs(coarse - fine) / (1 - fine)).max() < 0.01
@@ -116,7 +118,7 @@ def test_sharper_turns_than_the_tube_allows_throw_cars_out() -> None:
     intervals = wild.curvature, wild.speed, wild.acceleration
     bounds = Bounds(*((jnp.asarray(interval.lower), jnp.asarray(interval.upper)) for interval in intervals))
     starts = _starts(jax.random.key(1), PROBLEM, FUNNEL, 300)
-    loop = _loop(PROBLEM, FUNNEL, law, step_length(PROBLEM, TUBE, FUNNEL))
+    loop = loop_of(PROBLEM, law, step_length(PROBLEM, TUBE, FUNNEL))
     goal = jnp.array(PROBLEM.goal.half_axes)
     cars, _, _ = drive_tube(
         PROBLEM.vehicle, FUNNEL.template, loop, bounds, goal, starts, jax.random.key(2), steps=1000, stride=300
