@@ -5,19 +5,16 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-import numpy as np
-from jaxtyping import Float
-
 from cfjax.certificate import certify
-from cfjax.falsifier import falsify
+from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for
 from cfjax.options import Options, Progress
-from cfjax.problem import Problem, Segment, Tube
+from cfjax.problem import Problem, Tube
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation import Leg, drive_cars, drive_tube_cars
 from cfjax.verdict import Verdict
@@ -98,8 +95,8 @@ class _Aim:
 
     target: float | None
     out_of_reach: bool = False  # the learner found no such margin
-    warm: Funnel | None = None
-    suspects: Float[np.ndarray, "k n"] | None = None
+    warm: tuple[Funnel, ...] | None = None
+    suspects: tuple[Suspect, ...] = ()
 
 
 class _Search:
@@ -142,7 +139,7 @@ class _Search:
                 {
                     "falsified": falsified,
                     "certified": certified,
-                    "counterexamples": 0 if aim.suspects is None else len(aim.suspects),
+                    "counterexamples": len(aim.suspects),
                 }
             )
             if certified >= (GOOD_SHARE * falsified if wanted is None else wanted) and certified:
@@ -158,26 +155,25 @@ class _Search:
         return best.replace(iterations=len(self.history), history=tuple(self.history))
 
     def _round(self, round_: int, aim: "_Aim") -> Result:
-        segment = self.asked.path.segments[0]
-        self.problem, learned = self._learn(segment, round_, aim)
+        self.problem, learned = self._learn(round_, aim)
         aim.out_of_reach = aim.target is not None and (learned is None or learned.margin < aim.target)
         if learned is None:
-            return self._result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)")
+            return Result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)", self.problem)
         if learned.margin <= 0:
             message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
-            return self._result(Verdict.INCONCLUSIVE, message, learned.funnel, learned.margin)
-        result, aim.suspects = self._certify(segment, learned)
-        aim.warm = learned.funnel
+            found = [SegmentResult(funnel, learned.margin) for funnel in learned.funnels]
+            return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(found))
+        result, aim.suspects = self._certify(learned)
+        aim.warm = learned.funnels
         return result
 
-    def _learn(self, segment: Segment | Tube, round_: int, aim: "_Aim") -> tuple[Problem, Learned | None]:
-        """The best funnel for the objective, and the problem that it solves."""
+    def _learn(self, round_: int, aim: "_Aim") -> tuple[Problem, Learned | None]:
+        """The best funnels for the objective, and the problem that they solve."""
         with self.timed("learn"):
             return learn_for(
                 self.options.objective,
                 aim.target,
                 self.asked,
-                segment,
                 self.template,
                 beta_lower=self.options.beta_lower,
                 beta_inner=self.options.beta_inner,
@@ -188,42 +184,54 @@ class _Search:
                 progress=lambda done, of: self.progress("learn", done, of),
             )
 
-    def _certify(self, segment: Segment | Tube, learned: Learned) -> tuple[Result, Float[np.ndarray, "k n"]]:
+    def _certify(self, learned: Learned) -> tuple[Result, tuple[Suspect, ...]]:
         """Certify, and falsify what was certified: rounding has moved it a little."""
+        distinct = self.problem.path.distinct
         with self.timed("certify"):
-            found = certify(self.problem, [learned.funnel], progress=self.progress, workers=_cores())
-        with self.timed("learn"):
-            funnel = found.funnels[0] if found.funnels else learned.funnel
-            worst = {point.condition: point for point in falsify(self.problem, segment, funnel, seed=self.options.seed)}
-        margin = min(worst["d"].slack, learned.margin) if funnel is learned.funnel else worst["d"].slack
-        result = self._result(found.verdict, found.message, funnel, margin)
-        if found.verdict is Verdict.CERTIFIED and found.margins:
-            sos = found.numerical_margins[0]
-            segments = (
-                replace(
-                    result.segments[0],
-                    margin_certified=found.margins[0],
-                    margin_per_metre=found.margins_per_metre[0],
-                    margin_sos=sos,
-                ),
+            # a stretch that proves what is wanted, or nearly what was not refuted, needs not be cut
+            target = (
+                GOOD_SHARE * learned.margin if self.options.objective.margin is None else self.options.objective.margin
             )
-            result = result.replace(segments=segments, document=found.document)
-        suspects = np.array([worst["d"].x, *found.suspects])
-        return result, suspects
+            found = certify(self.problem, learned.funnels, target=target, progress=self.progress, workers=_cores())
+        results, suspects = [], list(found.suspects)
+        with self.timed("learn"):
+            for kind, (segment, funnel) in enumerate(zip(distinct, found.funnels, strict=True)):
+                points = falsify(self.problem, segment, funnel, seed=self.options.seed)
+                worst = next(point for point in points if point.condition == "d")
+                suspects.append(Suspect(kind, worst.theta, worst.x))
+                results.append(SegmentResult(funnel, worst.slack))
+            # rounding changes no digit that counts: what the learner's search has found holds too
+            least = min(range(len(results)), key=lambda kind: results[kind].margin_falsified)
+            known = min(results[least].margin_falsified, learned.margin)
+            results[least] = replace(results[least], margin_falsified=known)
+        if found.verdict is Verdict.CERTIFIED and found.margins:
+            results = [
+                replace(
+                    result, margin_certified=margin, margin_per_metre=per_metre, margin_sos=sos, stretches=stretches
+                )
+                for result, margin, per_metre, sos, stretches in zip(
+                    results,
+                    found.margins,
+                    found.margins_per_metre,
+                    found.numerical_margins,
+                    found.stretches,
+                    strict=True,
+                )
+            ]
+        segments = self._along(results)
+        return Result(found.verdict, found.message, self.problem, segments, document=found.document), tuple(suspects)
 
-    def _result(
-        self, verdict: Verdict, message: str, funnel: Funnel | None = None, margin: float = float("nan")
-    ) -> Result:
-        segments = (SegmentResult(funnel, margin),) if funnel is not None else ()
-        return Result(verdict, message, self.problem, segments)
+    def _along(self, results: Sequence[SegmentResult]) -> tuple[SegmentResult, ...]:
+        """Those of the distinct segments, segment by segment of the path."""
+        return tuple(results[kind] for kind in self.problem.path.kinds)
 
     def _rank(self, result: Result) -> tuple[float, ...]:
         """Larger is better; among unproven ones the falsified margin counts."""
         if not result.segments:
             return (-1.0,)
-        certified, found = result.margin_certified or 0.0, result.segments[0]
-        ranked = self.options.objective.rank(result.problem, found.funnel, certified)
-        return (*ranked, found.margin_falsified)
+        certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
+        funnels = [found.funnel for found in result.segments]
+        return (*self.options.objective.rank(result.problem, funnels, certified), falsified)
 
 
 def _reason(error: Exception) -> str:

@@ -40,7 +40,7 @@ def refute(
         REFUTED with a document that the checker confirms, or INCONCLUSIVE: none of the points shows a violation.
 
     Raises:
-        InputError: more than one segment, one that changes along θ, or a negative margin.
+        InputError: more than one segment, or a negative margin.
     """
     if len(problem.path.segments) != 1:
         raise InputError(f"refute: expected one segment, got {len(problem.path.segments)}")
@@ -57,11 +57,11 @@ def refute(
         (rational(float(funnel.beta_lower)), rational(float(funnel.inner))),
         rational(float(margin)),
     )
-    references = range(sum(map(len, segment.references())))
+    references = range(sum(map(len, segment.references())) if isinstance(segment, Tube) else 1)
     for point in falsify(problem, segment, funnel) if points is None else points:
         for theta, x in _variants(funnel, 0.0 if isinstance(segment, Tube) else segment.duration, point):
             for reference in references if point.condition == "d" else (0,):
-                witness = write_witness(point.condition, theta, reference, x)
+                witness = write_witness(point.condition, 0, theta, reference, x)
                 document = seal("refutation", question, [candidate], witness)
                 report = check_document(json.loads(dump(document)))
                 if report.outcome is Outcome.REFUTED:

@@ -7,12 +7,15 @@ from typing import Any
 
 from flint import fmpq
 
+from cfjax.check.clearance import HalfPlane
 from cfjax.check.decrease import Matrix, SteadyDecrease
 from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
 from cfjax.check.graph import Graph, Node
 from cfjax.check.rational import rational
-from cfjax.errors import InputError
-from cfjax.problem import Method, Problem, Profile, Segment, Tube, Vehicle
+from cfjax.check.tube import TubeClaim
+from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.exact import exact_course, write_pieces
+from cfjax.problem import Method, Problem, Vehicle
 
 
 Gram = tuple[int, list[int]]  # exponent and lower triangle, `cfjax.certificate.rounding`
@@ -32,11 +35,19 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
             {"name": name, "lower": _number(limits.lower), "upper": _number(limits.upper)}
             for name, limits in zip(("u0", *problem.vehicle.input_names), problem.inputs, strict=True)
         ],
-        "path": {"name": problem.path.name, "segments": [_segment(segment) for segment in problem.path.segments]},
+        "path": _path(problem),
         "sets": {
             "inlet": {"half_axes": [_number(value) for value in problem.inlet.half_axes]},
             "goal": {"half_axes": [_number(value) for value in problem.goal.half_axes]},
             "safe": {"half_widths": [_number(value) for value in problem.safe.half_widths]} if problem.safe else None,
+            "obstacles": [
+                {"corners": [[_number(x), _number(y)] for x, y in obstacle.corners], "round": _number(obstacle.round)}
+                for obstacle in problem.obstacles
+            ],
+            "footprint": [
+                {"radius": _number(disc.radius), "offset": _number(disc.offset)}
+                for disc in (problem.footprint if problem.obstacles else ())
+            ],
         },
     }
 
@@ -49,7 +60,7 @@ def write_funnel(
     margin: fmpq,
     margin_per_metre: fmpq | None = None,
 ) -> dict[str, Any]:
-    """One segment's V with the margin that is claimed for it; `levels` are β̲ and β_in."""
+    """The V of one kind of segment with the margin that is claimed for it; `levels` are β̲ and β_in."""
     return {
         "template": template,
         "shape": [str(shape[i][j]) for i in range(len(shape)) for j in range(i + 1)],
@@ -62,12 +73,22 @@ def write_funnel(
     }
 
 
-def write_steady_proof(decrease: SteadyDecrease, cells: Sequence[tuple[CellKey, fmpq, Sequence[Gram]]]) -> dict:
-    """The hints for condition (d): per cell its reference, level piece, signs, margin and Gram matrices."""
+def write_decrease(degrees: Sequence[int], stretches: list[dict]) -> dict[str, Any]:
+    """The hints for condition (d) along one segment or tube."""
+    return {"degrees": list(degrees), "stretches": stretches}
+
+
+def write_stretch(
+    end: fmpq,
+    bounds: TubeClaim,
+    decrease: SteadyDecrease,
+    cells: Sequence[tuple[CellKey, fmpq, Sequence[Gram]]],
+) -> dict[str, Any]:
+    """The hints on one stretch: per cell its reference, level piece, signs, margin and Gram matrices."""
     return {
-        "kind": "steady",
+        "end": str(end),
+        "bounds": write_bounds(bounds),
         "whitening": [[str(entry) for entry in row] for row in decrease.whitening],
-        "degrees": list(decrease.degrees),
         "enclosures": [
             {
                 "node": node,
@@ -92,13 +113,36 @@ def write_steady_proof(decrease: SteadyDecrease, cells: Sequence[tuple[CellKey, 
     }
 
 
-def write_witness(condition: str, theta: fmpq, reference: int, x: Sequence[fmpq]) -> dict[str, Any]:
-    """Where a candidate violates a condition, and at which of the extreme references."""
-    return {"condition": condition, "theta": str(theta), "reference": reference, "x": [str(value) for value in x]}
+def write_bounds(bounds: TubeClaim) -> dict[str, Any]:
+    """Intervals of curvature, speed and acceleration."""
+    named = {"curvature": bounds.curvature, "speed": bounds.speed, "acceleration": bounds.acceleration}
+    return {name: [str(lower), str(upper)] for name, (lower, upper) in named.items()}
 
 
-def seal(claim: str, problem: Mapping[str, Any], funnels: list[dict], last: list[dict] | dict) -> dict[str, Any]:
-    """The whole document with its hash; `last` holds the proofs of a funnel or the witness of a refutation."""
+def write_clearance(planes: Sequence[Sequence[Sequence[Sequence[HalfPlane]]]]) -> list:
+    """Half-planes by segment, obstacle and disc of the footprint."""
+    return [
+        [
+            [[{"end": str(plane.end), "normal": [str(n) for n in plane.normal]} for plane in disc] for disc in obstacle]
+            for obstacle in segment
+        ]
+        for segment in planes
+    ]
+
+
+def write_witness(condition: str, funnel: int, theta: fmpq, reference: int, x: Sequence[fmpq]) -> dict[str, Any]:
+    """Where a candidate violates a condition: which funnel, and of a tube at which of its extreme references."""
+    return {
+        "condition": condition,
+        "funnel": funnel,
+        "theta": str(theta),
+        "reference": reference,
+        "x": [str(value) for value in x],
+    }
+
+
+def seal(claim: str, problem: Mapping[str, Any], funnels: list[dict], last: dict) -> dict[str, Any]:
+    """The whole document with its hash; `last` holds the proofs of funnels or the witness of a refutation."""
     document = {
         "format": FORMAT,
         "version": VERSION,
@@ -135,18 +179,21 @@ def _node(node: Node) -> list:
     return [node.op, node.name] if node.name is not None else [node.op, *node.args]
 
 
-def _segment(segment: Segment | Tube) -> dict[str, Any]:
-    if isinstance(segment, Tube):
-        bounds = {"curvature": segment.curvature, "speed": segment.speed, "acceleration": segment.acceleration}
-        return {name: [_number(interval.lower), _number(interval.upper)] for name, interval in bounds.items()}
+def _path(problem: Problem) -> dict[str, Any]:
+    path = problem.path
+    if path.tube:
+        tube = path.tube
+        bounds = (
+            (rational(float(interval.lower)), rational(float(interval.upper)))
+            for interval in (tube.curvature, tube.speed, tube.acceleration)
+        )
+        return {"name": path.name, "tube": write_bounds(TubeClaim(*bounds))}
+    reference = exact_course(path)
     return {
-        "duration": _number(segment.duration),
-        "turn_rate": _profile(segment.turn_rate, segment.duration),
-        "speed": _profile(segment.speed, segment.duration),
+        "name": path.name,
+        # that one lap leads to the next is proven for vehicles whose states have a meaning
+        "closed": path.closed and problem.vehicle.name in KNOWN_VEHICLES,
+        "start": [_number(value) for value in path.curve[0].start],
+        "pieces": write_pieces(reference.pieces),
+        "kinds": list(path.kinds),
     }
-
-
-def _profile(profile: Profile, duration: float) -> dict[str, Any]:
-    if not profile.is_constant:
-        raise InputError("certificate: expected a segment of constant turning rate and speed, others come later")
-    return {"breaks": ["0", _number(duration)], "coefficients": [[_number(profile.coefficients[0][0])]]}

@@ -6,21 +6,20 @@ bounds of the tube that holds there, and each tube has to hand over to the next 
 hands over to its own beginning, over the gap that integration leaves.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR
 
-from flint import acb, arb, fmpq
+from flint import fmpq
 
-from cfjax.check.document import FORMAT, VERSION, document_hash, read_claims
-from cfjax.check.rational import about, bits, decimal_text, sqrt_upper
+from cfjax.check.document import FORMAT, MOST_PIECES, VERSION, document_hash, read_claims, read_reference
+from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import (
     LAW_SHARE,
     CertifiedTube,
-    ExactPose,
     Origin,
-    Piece,
     Reference,
     Run,
     is_closed,
@@ -33,8 +32,7 @@ from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
 CHAIN = "chain"
-MOST_PIECES, MOST_TUBES, MOST_COEFFICIENTS = 1000, 12, 8
-LONGEST = 600  # bits of a coefficient; exact sums along a path take some hundred
+MOST_TUBES = 12
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ def tube_of(document: object, name: str, source: str | None = None) -> Certified
         Unreadable: no certificate, or one of something else, or of a vehicle that has no meaning here.
     """
     problem, (funnel, *_) = read_claims(document)
-    tube = problem.segments[0]
+    tube = problem.course
     if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
         raise Unreadable("expected the certificate of a tube, got one of something else")
     if problem.vehicle.name not in KNOWN_VEHICLES:  # any other name stands for no particular dynamics or states
@@ -153,7 +151,10 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
     for entry in fields[6].items(MOST_TUBES):
         certificate, length, speed = entry.record("certificate", "length", "speed")
         tubes.append((certificate.value, length.positive(), speed.positive()))
-    reference = _reference(start, pieces)
+    reference = read_reference(start, pieces)
+    for before, piece in itertools.pairwise(reference.pieces):
+        if before.end_speed != piece.speed[0]:
+            raise Broken("path: the speed jumps between segments")
     runs, begin = [], 0
     for entry in fields[7].items(MOST_PIECES):
         end, tube = entry.record("end", "tube")
@@ -165,31 +166,3 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
         parameters.refuse(f"the parameters of a {kind}")
     levels = tuple(level.positive() for level in fields[8].items(MOST_PIECES, least=0))
     return ChainClaim(name.text(), closed.value is True, kind, own, reference, tuple(tubes), tuple(runs), levels)
-
-
-def _reference(start: Item, pieces: Item) -> Reference:
-    """The path, whose speed has to be continuous as it stands; θ counts from the start of each segment."""
-    heading, x, y = (entry.rational() for entry in start.items(3, 3))
-    found: list[Piece] = []
-    arc = theta = fmpq(0)
-    for item in pieces.items(MOST_PIECES):
-        segment, duration, turn_rate, speed = item.record("segment", "duration", "turn_rate", "speed")
-        before = found[-1] if found else None
-        first = before.segment if before else 0
-        index = segment.integer(first, first + (1 if before else 0))
-        theta = theta if before is None or index == before.segment else fmpq(0)
-        turning, moving = _coefficients(turn_rate), _coefficients(speed)
-        piece = Piece(index, theta, duration.positive(), turning, moving, arc)
-        if before is not None and before.end_speed != moving[0]:
-            raise Broken(f"path: the speed jumps at piece {len(found)}")
-        found.append(piece)
-        theta, arc = theta + piece.duration, arc + piece.length
-    return Reference(tuple(found), ExactPose(heading, acb(arb(x), arb(y))))
-
-
-def _coefficients(item: Item) -> tuple[fmpq, ...]:
-    """Of a polynomial in ascending powers."""
-    found = tuple(entry.rational() for entry in item.items(MOST_COEFFICIENTS))
-    if max(map(bits, found)) > LONGEST:
-        item.refuse(f"coefficients of at most {LONGEST} bits")
-    return found

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.decrease import Matrix, end_level
+from cfjax.check.decrease import Matrix, level_bounds
 from cfjax.check.rational import is_positive_definite, pi_lower, sqrt_upper
 
 
@@ -26,21 +26,22 @@ def broken_containments(
     template: str,
     rate: fmpq,
     duration: fmpq,
-    inlet: Sequence[fmpq],
-    goal: Sequence[fmpq],
+    inlet: Sequence[fmpq] | None,
+    goal: Sequence[fmpq] | None,
     safe: Sequence[fmpq] | None,
 ) -> list[str]:
     """What is not proven of (a), (b), (c): one line each, none for a funnel that keeps them.
 
-    `inlet` and `goal` are half-axes, `safe` half-widths, one per state.
+    `inlet` and `goal` are half-axes, `safe` half-widths, one per state; None where nothing is asked: in the middle of a
+    chain it is the links that are proven instead.
     """
-    lowest_end, highest_end = end_level(template, rate, duration)
+    lowest_end, highest_end = level_bounds(template, rate, duration)
     broken = []
-    if not is_positive_definite(_difference(_diagonal(inlet), shape, fmpq(1))):
+    if inlet is not None and not is_positive_definite(_difference(_diagonal(inlet), shape, fmpq(1))):
         broken.append("condition (a): the inlet I does not lie inside the funnel's start")
     if lowest_end <= 0:
         broken.append("condition (b): the funnel is empty before its end")
-    if not is_positive_definite(_difference(shape, _diagonal(goal), highest_end)):
+    if goal is not None and not is_positive_definite(_difference(shape, _diagonal(goal), highest_end)):
         broken.append("condition (b): the funnel's end does not lie inside the goal G")
     if not is_positive_definite(shape):
         return [*broken, "condition (c): C is not positive definite, the funnel is not bounded"]

@@ -52,12 +52,12 @@ class LevelPiece:
         return min(constant + slope * self.lower, constant + slope * self.upper)
 
 
-def end_level(template: str, rate: fmpq, duration: fmpq) -> tuple[fmpq, fmpq]:
-    """Rationals below and above ρ(T), the level of the funnel's end."""
+def level_bounds(template: str, rate: fmpq, theta: fmpq) -> tuple[fmpq, fmpq]:
+    """Rationals below and above ρ(θ), the level of the funnel at θ."""
     if template == "paper":
-        return 1 - rate * duration, 1 - rate * duration
+        return 1 - rate * theta, 1 - rate * theta
     if template == "contracting":
-        return exp_bounds(-rate * duration)
+        return exp_bounds(-rate * theta)
     raise ValueError(f"unknown template {template!r}")
 
 
@@ -68,21 +68,23 @@ class Extreme(NamedTuple):
     profile: Mapping[str, fmpq]
 
 
-def steady_pieces(template: str, rate: fmpq, duration: fmpq, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
-    """The shell β_in ≤ V ≤ 1 of a steady segment, θ eliminated: ranges of q that cover it; β_in ≤ β̲.
+def level_pieces(
+    template: str, rate: fmpq, stretch: tuple[fmpq, fmpq], beta_lower: fmpq, beta_inner: fmpq
+) -> list[LevelPiece]:
+    """The shell β_in ≤ V ≤ 1 on a stretch of θ, θ itself eliminated: ranges of q that cover it; β_in ≤ β̲.
 
     Raises:
         ValueError: where the shell would hold the reference itself (q = 0).
     """
-    low, high = end_level(template, rate, duration)
+    (first_low, first_high), (last_low, last_high) = (level_bounds(template, rate, theta) for theta in stretch)
     zero, one = fmpq(0), fmpq(1)
-    peak = max(one, high)
+    peak = max(first_high, last_high)
     if template == "paper":
-        change = max(rate * duration, zero)
+        change = 1 - min(first_low, last_low)
         start, kink = beta_inner - change, beta_lower - change
         timing, rising, flat = (rate, zero), (change / beta_lower, 1 / beta_lower), (one, zero)
     else:
-        start, kink = beta_inner * min(low, one), beta_lower * peak
+        start, kink = beta_inner * min(first_low, last_low), beta_lower * peak
         timing, rising, flat = (zero, rate), (zero, 1 / beta_lower), (peak, zero)
     pieces = [LevelPiece(kink, peak, timing, flat)]
     if start < kink:
@@ -167,22 +169,26 @@ class SteadyDecrease:
         return sum((half * x * g for x, g in pairs), self.ring.constant(0))
 
     @cached_property
+    def peak(self) -> fmpq:
+        """The largest level of the funnel on the stretch."""
+        return max(piece.upper for piece in self.pieces)
+
+    @cached_property
     def domain(self) -> Domain:
-        """A ball in y that holds {q ≤ largest level}: proven, for W is only nearly C^{−1/2}."""
-        level = max(piece.upper for piece in self.pieces)
-        radius_squared = level * (1 + RADIUS_SLACK)
+        """The ball |y|² ≤ 1 + slack, which holds {q ≤ peak}: proven, for W is only nearly (C/peak)^{−1/2}."""
+        radius_squared = 1 + RADIUS_SLACK
         size = len(self.states)
         w, c = self.whitening, self.shape
         scaled = [
             [
                 sum((w[k][i] * c[k][m] * w[m][j] for k in range(size) for m in range(size)), fmpq(0)) * radius_squared
-                - (level if i == j else 0)
+                - (self.peak if i == j else 0)
                 for j in range(size)
             ]
             for i in range(size)
         ]
         if not is_positive_definite(scaled):
-            raise ValueError("the whitening is not close enough to C^{-1/2}, or C is not positive definite")
+            raise ValueError("the whitening is not close enough to (C/peak)^{-1/2}, or C is not positive definite")
         return Domain(self.ring, radius_squared)
 
     def rates(
@@ -236,8 +242,8 @@ class SteadyDecrease:
         rate = self.form_rates[cell.vertex]
         u0 = dict(zip(self.inputs, cell.vertex, strict=True))["u0"]
         piece = self.pieces[cell.piece]
-        # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q
-        remainder = rate.remainder_polynomial(sqrt_upper(piece.lower))
+        # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q/peak
+        remainder = rate.remainder_polynomial(sqrt_upper(piece.lower / self.peak))
         demand = self.domain.sum(rate.polynomial, self.timing(piece) * u0)
         return self.domain.negative(self.domain.sum(demand, remainder))
 

@@ -10,16 +10,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
 
-from flint import fmpq
+from flint import acb, arb, fmpq
 
-from cfjax.check.decrease import Extreme, Matrix
+from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
+from cfjax.check.decrease import Matrix
 from cfjax.check.graph import ARITY, Graph, Node
+from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
+from cfjax.check.reference import Coefficients, ExactPose, Piece, Reference
 from cfjax.check.tube import TubeClaim
 
 
 FORMAT = "cfjax-certificate"
-VERSION = 2
+VERSION = 3
 CLAIMS = ("funnel", "refutation")
 PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
 TEMPLATES = {"paper": "c0", "contracting": "rate"}
@@ -29,9 +32,14 @@ MOST_NODES = 400
 MOST_FUNCTIONS = 32  # nodes that apply sin, cos, …
 MOST_MONOMIALS = 128  # rows of a Gram matrix
 MOST_EXTREMES = 8  # references of a tube: ends of curvature, speed, acceleration
-MOST_CELLS = 32 * MOST_EXTREMES  # two pieces, sixteen patterns of the signs of four inputs
-MOST_GRAM_ENTRIES = 300_000  # of the whole proof; a circle's takes about 20 000
+MOST_CELLS = 32 * MOST_EXTREMES  # of a stretch: two pieces, sixteen patterns of the signs of four inputs
+MOST_STRETCHES = 64  # of one funnel's proof
+MOST_GRAM_ENTRIES = 1_500_000  # of the whole file; a circle's takes about 20 000
+MOST_PIECES = 1000  # of a path
+MOST_OBSTACLES, MOST_CORNERS, MOST_DISCS, MOST_HALF_PLANES = 64, 32, 8, 200
+LONGEST = 600  # bits of a path's coefficient; exact sums along a path take some hundred
 MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
+MOST_POWERS = 8  # of a path's polynomials
 LARGEST_GRAM_ENTRY = 2**64  # a circle's reach 2^36
 
 
@@ -50,21 +58,33 @@ class VehicleClaim:
 
 @dataclass(frozen=True)
 class SegmentClaim:
-    """A stretch of reference at constant turning rate (rad/s) and speed (m/s), θ from 0 to the duration (s)."""
+    """A stretch of reference in exact pieces, θ from 0 to the duration (s)."""
 
-    duration: fmpq
-    turn_rate: fmpq
-    speed: fmpq
+    pieces: tuple[Piece, ...]
 
     @property
-    def profile(self) -> dict[str, fmpq]:
-        """What the dynamics see of it, by the graph's names."""
-        zero = fmpq(0)
-        return {"turn_rate": self.turn_rate, "speed": self.speed, "turn_rate_slope": zero, "speed_slope": zero}
+    def duration(self) -> fmpq:
+        return sum((piece.duration for piece in self.pieces), fmpq(0))
 
-    def extremes(self) -> list[Extreme]:
-        """The references that have to be proven: there is but one."""
-        return [Extreme(self.profile, self.profile)]
+    @property
+    def course(self) -> tuple[tuple[fmpq, Coefficients, Coefficients], ...]:
+        """What the dynamics see of it, wherever it lies: segments with the same are the same problem."""
+        return tuple((piece.duration, piece.turn_rate, piece.speed) for piece in self.pieces)
+
+    def profile(self, theta: fmpq) -> dict[str, fmpq]:
+        """What the dynamics see of it at θ (s), by the graph's names; of two pieces that meet there, the later one."""
+        piece = [piece for piece in self.pieces if piece.theta <= theta][-1]
+        return piece.profile(theta - piece.theta)
+
+
+@dataclass(frozen=True)
+class Course:
+    """A path: its segments, of which each repeats one of the distinct ones, and where they lie in the plane."""
+
+    reference: Reference
+    closed: bool
+    segments: tuple[SegmentClaim, ...]
+    kinds: tuple[int, ...]  # for each segment, the funnel along it
 
 
 @dataclass(frozen=True)
@@ -75,15 +95,25 @@ class ProblemClaim:
     method: str
     inputs: Mapping[str, tuple[fmpq, fmpq]]  # u0 first
     path: str
-    segments: tuple[SegmentClaim | TubeClaim, ...]
+    course: Course | TubeClaim
     inlet: tuple[fmpq, ...]  # half-axes of I
     goal: tuple[fmpq, ...]  # half-axes of G
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
+    obstacles: tuple[ObstacleClaim, ...]
+    footprint: tuple[FootprintClaim, ...]
+
+    @property
+    def distinct(self) -> tuple[SegmentClaim | TubeClaim, ...]:
+        """One for each funnel: the tube, or the first segment of each kind."""
+        course = self.course
+        if isinstance(course, TubeClaim):
+            return (course,)
+        return tuple(course.segments[course.kinds.index(kind)] for kind in range(max(course.kinds) + 1))
 
 
 @dataclass(frozen=True)
 class FunnelClaim:
-    """V of a template on one segment, β = 1, and the margin λ (1/s) claimed for it; of a tube, per metre too."""
+    """V of a template on segments of one kind, β = 1, and the margin λ (1/s) claimed; of a tube, per metre too."""
 
     template: str
     shape: Matrix
@@ -95,17 +125,26 @@ class FunnelClaim:
 
 
 @dataclass(frozen=True)
-class SteadyHints:
-    """What the prover found for condition (d) on a steady segment or tube; nothing of it is believed.
+class StretchHints:
+    """A stretch of θ that ends at `end` (s), bounds of its references, and what the prover found there.
 
     `enclosures` gives (function, coefficients, lower, upper, bound) by node, `cells` (margin, Gram matrices) by
-    extreme reference, level piece and signs.
+    extreme reference, level piece and signs. Nothing of it is believed.
     """
 
+    end: fmpq
+    bounds: TubeClaim
     whitening: Matrix
-    degrees: tuple[int, ...]
     enclosures: Mapping[int, tuple[str, tuple[fmpq, ...], fmpq, fmpq, fmpq]]
     cells: Mapping[CellKey, tuple[fmpq, tuple[Matrix, ...]]]
+
+
+@dataclass(frozen=True)
+class DecreaseHints:
+    """What the prover found for condition (d) along one segment or tube; `degrees` are those of the Gram matrices."""
+
+    degrees: tuple[int, ...]
+    stretches: tuple[StretchHints, ...]
 
 
 @dataclass(frozen=True)
@@ -113,18 +152,26 @@ class Witness:
     """A deviation x at θ (s) at which a candidate violates a condition (a, b, c or d); of a tube, at a reference."""
 
     condition: str
+    funnel: int
     theta: fmpq
-    reference: int  # which of the extreme ones
+    reference: int  # which of a tube's extreme ones
     x: tuple[fmpq, ...]
+
+
+HalfPlanes = tuple[HalfPlane, ...]
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """A whole file: hints for each funnel where it claims one, a witness where it refutes one."""
+    """A whole file: hints for each funnel where it claims one, a witness where it refutes one.
+
+    `clearance` has, for each segment, for each obstacle, for each disc of the footprint, half-planes along θ.
+    """
 
     problem: ProblemClaim
     funnels: tuple[FunnelClaim, ...]
-    hints: tuple[SteadyHints, ...]
+    hints: tuple[DecreaseHints, ...]
+    clearance: tuple[tuple[tuple[HalfPlanes, ...], ...], ...]
     witness: Witness | None
 
 
@@ -144,9 +191,11 @@ def read_certificate(document: object, skip_hash: bool = False) -> Certificate:
     """
     problem, funnels, last = _claims(document, skip_hash)
     if last.where == WITNESS:
-        return Certificate(problem, funnels, (), _witness(last, len(problem.vehicle.states)))
-    hints = tuple(_steady_hints(item, problem) for item in last.items(len(funnels), len(funnels)))
-    return Certificate(problem, funnels, hints, None)
+        return Certificate(problem, funnels, (), (), _witness(last, problem))
+    proofs, clearance = last.record("decrease", "clearance")
+    room = Room(MOST_GRAM_ENTRIES)
+    hints = tuple(_decrease_hints(item, problem, room) for item in proofs.items(len(funnels), len(funnels)))
+    return Certificate(problem, funnels, hints, _clearance(clearance, problem), None)
 
 
 def read_claims(document: object) -> tuple[ProblemClaim, tuple[FunnelClaim, ...]]:
@@ -161,6 +210,15 @@ def read_claims(document: object) -> tuple[ProblemClaim, tuple[FunnelClaim, ...]
     return problem, funnels
 
 
+def read_problem(question: Mapping[str, object]) -> ProblemClaim:
+    """The question of a file, by itself: for whoever is about to write one.
+
+    Raises:
+        Unreadable, Broken: says what was expected where.
+    """
+    return _problem(Item(dict(question), "problem"))
+
+
 def _claims(document: object, skip_hash: bool) -> tuple[ProblemClaim, tuple[FunnelClaim, ...], Item]:
     """The question, the funnels and the last field: proofs or witness."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
@@ -173,9 +231,10 @@ def _claims(document: object, skip_hash: bool) -> tuple[ProblemClaim, tuple[Funn
     if not skip_hash and fields[3].value != document_hash(document):
         raise Broken("hash: the content has changed since the hash was taken")
     problem = _problem(fields[4])
-    funnels = tuple(_funnel(item, len(problem.vehicle.states)) for item in fields[5].items(len(problem.segments)))
-    if len(funnels) != len(problem.segments):
-        raise Unreadable(f"funnels: expected {len(problem.segments)}, one per segment, got {len(funnels)}")
+    count = len(problem.distinct)
+    funnels = tuple(_funnel(item, len(problem.vehicle.states)) for item in fields[5].items(count))
+    if len(funnels) != count:
+        raise Unreadable(f"funnels: expected {count}, one for each kind of segment, got {len(funnels)}")
     return problem, funnels, fields[6]
 
 
@@ -183,8 +242,8 @@ def _problem(item: Item) -> ProblemClaim:
     vehicle, method, inputs, path, sets = item.record("vehicle", "method", "inputs", "path", "sets")
     claim = _vehicle(vehicle)
     size = len(claim.states)
-    inlet, goal, safe = sets.record("inlet", "goal", "safe")
-    name, segments = path.record("name", "segments")
+    inlet, goal, safe, obstacles, footprint = sets.record("inlet", "goal", "safe", "obstacles", "footprint")
+    label, course = _path(path)
     box = [_input(entry) for entry in inputs.items(MOST_INPUTS)]
     if len(dict(box)) != len(box) or box[0][0] != "u0":
         raise Unreadable("problem.inputs: expected distinct names, u0 first")
@@ -192,14 +251,27 @@ def _problem(item: Item) -> ProblemClaim:
         vehicle=claim,
         method=method.choice("pf", "tt"),
         inputs=dict(box),
-        path=name.text(),
-        segments=tuple(_segment(entry) for entry in segments.items(1)),  # chains: not in this version
+        path=label,
+        course=course,
         inlet=tuple(axis.positive() for axis in inlet.record("half_axes")[0].items(size, size)),
         goal=tuple(axis.positive() for axis in goal.record("half_axes")[0].items(size, size)),
         safe=None
         if safe.value is None
         else tuple(width.positive() for width in safe.record("half_widths")[0].items(size, size)),
+        obstacles=tuple(map(_obstacle, obstacles.items(MOST_OBSTACLES, least=0))),
+        footprint=tuple(map(_footprint, footprint.items(MOST_DISCS, least=0))),
     )
+
+
+def _obstacle(item: Item) -> ObstacleClaim:
+    corners, rounding = item.record("corners", "round")
+    points = (corner.items(2, 2) for corner in corners.items(MOST_CORNERS))
+    return ObstacleClaim(tuple((x.rational(), y.rational()) for x, y in points), rounding.rational())
+
+
+def _footprint(item: Item) -> FootprintClaim:
+    radius, offset = item.record("radius", "offset")
+    return FootprintClaim(radius.rational(), offset.rational())
 
 
 def _vehicle(item: Item) -> VehicleClaim:
@@ -238,12 +310,58 @@ def _input(item: Item) -> tuple[str, tuple[fmpq, fmpq]]:
     return name.label(), (lower.rational(), upper.rational())
 
 
-def _segment(item: Item) -> SegmentClaim | TubeClaim:
-    if isinstance(item.value, dict) and "curvature" in item.value:
-        return _tube(item)
-    duration, turn_rate, speed = item.record("duration", "turn_rate", "speed")
-    length = duration.positive()
-    return SegmentClaim(length, _constant(turn_rate, length), _constant(speed, length))
+def _path(item: Item) -> tuple[str, Course | TubeClaim]:
+    if isinstance(item.value, dict) and "tube" in item.value:
+        name, tube = item.record("name", "tube")
+        return name.text(), _tube(tube)
+    name, closed, start, pieces, kinds = item.record("name", "closed", "start", "pieces", "kinds")
+    if not isinstance(closed.value, bool):
+        closed.refuse("true or false")
+    reference = read_reference(start, pieces)
+    count = reference.pieces[-1].segment + 1
+    segments = tuple(SegmentClaim(tuple(p for p in reference.pieces if p.segment == k)) for k in range(count))
+    order = tuple(kind.integer(0, count - 1) for kind in kinds.items(count, count))
+    first: list[SegmentClaim] = []
+    for kind, segment in zip(order, segments, strict=True):
+        if kind > len(first):
+            kinds.refuse("kinds numbered as they appear")
+        if kind == len(first):
+            first.append(segment)
+        elif first[kind].course != segment.course:
+            kinds.refuse("segments of one kind to have the same pieces")
+    return name.text(), Course(reference, closed.value is True, segments, order)
+
+
+def read_reference(start: Item, pieces: Item) -> Reference:
+    """A path in exact pieces, whose speed is continuous along each segment; θ counts from each segment's start.
+
+    Raises:
+        Unreadable, Broken: says what was expected where.
+    """
+    heading, x, y = (entry.rational() for entry in start.items(3, 3))
+    found: list[Piece] = []
+    arc = theta = fmpq(0)
+    for item in pieces.items(MOST_PIECES):
+        segment, duration, turn_rate, speed = item.record("segment", "duration", "turn_rate", "speed")
+        before = found[-1] if found else None
+        first = before.segment if before else 0
+        index = segment.integer(first, first + (1 if before else 0))
+        theta = theta if before is None or index == before.segment else fmpq(0)
+        turning, moving = _powers(turn_rate), _powers(speed)
+        piece = Piece(index, theta, duration.positive(), turning, moving, arc)
+        if before is not None and index == before.segment and before.end_speed != moving[0]:
+            raise Broken(f"path: the speed jumps at piece {len(found)}")
+        found.append(piece)
+        theta, arc = theta + piece.duration, arc + piece.length
+    return Reference(tuple(found), ExactPose(heading, acb(arb(x), arb(y))))
+
+
+def _powers(item: Item) -> Coefficients:
+    """Of a polynomial in ascending powers."""
+    found = tuple(entry.rational() for entry in item.items(MOST_POWERS))
+    if max(map(bits, found)) > LONGEST:
+        item.refuse(f"coefficients of at most {LONGEST} bits")
+    return found
 
 
 def _tube(item: Item) -> TubeClaim:
@@ -257,15 +375,6 @@ def _tube(item: Item) -> TubeClaim:
     if not ranges[1][0] > 0:
         bounds[1].refuse("speeds above zero")
     return TubeClaim(*ranges)
-
-
-def _constant(item: Item, duration: fmpq) -> fmpq:
-    """The value of a profile (piecewise polynomial) that is constant; others are not in this version."""
-    breaks, coefficients = item.record("breaks", "coefficients")
-    start, end = (entry.rational() for entry in breaks.items(2, 2))
-    if start != 0 or end != duration:
-        breaks.refuse("0 and the duration")
-    return coefficients.items(1)[0].items(1)[0].rational()
 
 
 def _funnel(item: Item, size: int) -> FunnelClaim:
@@ -302,24 +411,43 @@ def unpack_triangle(entries: list[fmpq], size: int) -> Matrix:
     return [[entries[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(size)] for i in range(size)]
 
 
-def _witness(item: Item, size: int) -> Witness:
-    condition, theta, reference, x = item.record("condition", "theta", "reference", "x")
+def _witness(item: Item, problem: ProblemClaim) -> Witness:
+    condition, funnel, theta, reference, x = item.record("condition", "funnel", "theta", "reference", "x")
+    size = len(problem.vehicle.states)
     return Witness(
         condition=condition.choice("a", "b", "c", "d"),
+        funnel=funnel.integer(0, len(problem.distinct) - 1),
         theta=theta.rational(),
         reference=reference.integer(0, MOST_EXTREMES - 1),
         x=tuple(entry.rational() for entry in x.items(size, size)),
     )
 
 
-def _steady_hints(item: Item, problem: ProblemClaim) -> SteadyHints:
-    kind, whitening, degrees, enclosures, cells = item.record("kind", "whitening", "degrees", "enclosures", "cells")
-    kind.choice("steady")
+class Room:
+    """How many entries of Gram matrices a file may still have."""
+
+    def __init__(self, entries: int) -> None:
+        self.left = entries
+
+    def take(self, entries: int, item: Item) -> None:
+        self.left -= entries
+        if self.left < 0:
+            item.refuse(f"Gram matrices with at most {MOST_GRAM_ENTRIES} entries together")
+
+
+def _decrease_hints(item: Item, problem: ProblemClaim, room: Room) -> DecreaseHints:
+    degrees, stretches = item.record("degrees", "stretches")
     size = len(problem.vehicle.states)
     orders = tuple(degree.integer(0, 8) for degree in degrees.items(MOST_INPUTS + 3, 3))
     sizes = [comb(size + degree, degree) for degree in orders]
     if max(sizes) > MOST_MONOMIALS:
         degrees.refuse(f"degrees with at most {MOST_MONOMIALS} monomials")
+    found = tuple(_stretch_hints(stretch, size, sizes, room) for stretch in stretches.items(MOST_STRETCHES))
+    return DecreaseHints(orders, found)
+
+
+def _stretch_hints(item: Item, size: int, sizes: list[int], room: Room) -> StretchHints:
+    end, bounds, whitening, enclosures, cells = item.record("end", "bounds", "whitening", "enclosures", "cells")
     by_node, by_cell = {}, {}
     for entry in enclosures.items(MOST_FUNCTIONS, least=0):
         fields = entry.record("node", "function", "coefficients", "lower", "upper", "bound")
@@ -334,8 +462,7 @@ def _steady_hints(item: Item, problem: ProblemClaim) -> SteadyHints:
             fields[5].rational(),
         )
     entries = cells.items(MOST_CELLS)
-    if len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes) > MOST_GRAM_ENTRIES:
-        cells.refuse(f"Gram matrices with at most {MOST_GRAM_ENTRIES} entries together")
+    room.take(len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes), cells)
     for entry in entries:
         reference, piece, signs, margin, grams = entry.record("reference", "piece", "signs", "margin", "grams")
         key = (
@@ -351,7 +478,29 @@ def _steady_hints(item: Item, problem: ProblemClaim) -> SteadyHints:
             tuple(_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
         )
     rows = [[entry.rational() for entry in row.items(size, size)] for row in whitening.items(size, size)]
-    return SteadyHints(rows, orders, by_node, by_cell)
+    return StretchHints(end.rational(), _tube(bounds), rows, by_node, by_cell)
+
+
+def _clearance(item: Item, problem: ProblemClaim) -> tuple[tuple[tuple[HalfPlanes, ...], ...], ...]:
+    """By segment, obstacle and disc of the footprint."""
+    obstacles, discs = len(problem.obstacles), len(problem.footprint)
+    if not obstacles or isinstance(problem.course, TubeClaim):
+        item.items(0, 0)
+        return ()
+    count = len(problem.course.segments)
+
+    def planes(entry: Item) -> HalfPlanes:
+        found = []
+        for plane in entry.items(MOST_HALF_PLANES):
+            end, normal = plane.record("end", "normal")
+            x, y = normal.items(2, 2)
+            found.append(HalfPlane(end.rational(), (x.rational(), y.rational())))
+        return tuple(found)
+
+    return tuple(
+        tuple(tuple(map(planes, disc.items(discs, discs))) for disc in segment.items(obstacles, obstacles))
+        for segment in item.items(count, count)
+    )
 
 
 def _gram(item: Item, size: int) -> Matrix:

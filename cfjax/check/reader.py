@@ -14,7 +14,7 @@ from typing import NoReturn
 from flint import fmpq
 
 
-LARGEST_FILE = 8 * 2**20  # bytes; a circle's certificate takes about 0.2 MB
+LARGEST_FILE = 32 * 2**20  # bytes; a circle's certificate takes about 0.2 MB, each stretch of a curve 0.3 MB
 UNPACKING_MEMORY = 80 << 20  # of an .xz file: its strongest preset asks for 65 MB
 LONGEST_NUMBER = 400  # decimal digits of a numerator or denominator
 LONGEST_TEXT = 64

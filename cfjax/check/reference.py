@@ -27,6 +27,7 @@ from flint import acb, acb_series, arb, arb_poly, fmpq, fmpq_mat, fmpq_poly
 
 from cfjax.check.decrease import Matrix
 from cfjax.check.rational import about, decimal_text, exp_bounds, is_positive_definite, sqrt_upper, upper_bound
+from cfjax.check.tube import TubeClaim
 
 
 Coefficients = tuple[fmpq, ...]  # ascending powers
@@ -310,6 +311,20 @@ class Piece:
         """Metres of reference, where the speed is positive."""
         return _evaluate(_integral(self.speed), self.duration)
 
+    def profile(self, at: fmpq) -> dict[str, fmpq]:
+        """What the dynamics see of it at t (s), by the names of a vehicle's graph."""
+        return {
+            "turn_rate": _evaluate(self.turn_rate, at),
+            "speed": _evaluate(self.speed, at),
+            "turn_rate_slope": _evaluate(_derivative(self.turn_rate), at),
+            "speed_slope": _evaluate(_derivative(self.speed), at),
+        }
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether turning rate and speed are."""
+        return len(self.turn_rate) == len(self.speed) == 1
+
     @property
     def end_speed(self) -> fmpq:
         """v_r where the piece ends, m/s."""
@@ -366,7 +381,7 @@ class Piece:
             return self.turn_rate, self.speed
         return (self.speed if quantity == "speed" else _derivative(self.speed)), (fmpq(1),)
 
-    def inside(self, tube: CertifiedTube) -> bool:
+    def inside(self, tube: CertifiedTube | TubeClaim) -> bool:
         """Whether speed, curvature and acceleration stay inside the tube's intervals all along: decided exactly."""
         # speed first: it is positive where the curvature's inequality is used
         return (
@@ -433,7 +448,7 @@ class Piece:
     @cached_property
     def displacement(self) -> acb:
         """∫ v_r e^{iP} dt over the piece, P the turn since its start: metres forward + i metres to the left."""
-        if len(self.turn_rate) == len(self.speed) == 1:  # arcs and straight lines, of any number of laps
+        if self.is_constant:  # arcs and straight lines, of any number of laps
             rate = self.turn_rate[0]
             if rate == 0:
                 return acb(arb(self.length))
@@ -505,15 +520,15 @@ class Gap(NamedTuple):
     forward: fmpq  # m
     speed: fmpq  # m/s
 
-    def jump(self, tube: CertifiedTube) -> fmpq:
-        """By how much √V of the tube changes at most where the reference jumps, for deviations that start in the tube.
+    def jump(self, shape: Matrix, inverse: fmpq_mat) -> fmpq:
+        """By how much √V of {V = xᵀ C x ≤ 1} changes at most where the reference jumps, for deviations in there.
 
         The deviation gets (δ, (R(δ) − 1) p + Δp, Δv) added, and |(R(δ) − 1) p| ≤ |δ| |p|; the norm of a sum is at most
-        the sum over the axes, on each of which it is √C_ii.
+        the sum over the axes, on each of which it is √C_ii. `inverse` is C⁻¹.
         """
-        swing = self.heading * sqrt_upper(tube.inverse[1, 1] + tube.inverse[2, 2])
+        swing = self.heading * sqrt_upper(inverse[1, 1] + inverse[2, 2])
         parts = (self.heading, self.lateral + swing, self.forward + swing, self.speed)
-        return sum((sqrt_upper(tube.shape[i][i]) * part for i, part in enumerate(parts)), fmpq(0))
+        return sum((sqrt_upper(shape[i][i]) * part for i, part in enumerate(parts)), fmpq(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -595,7 +610,7 @@ def exact_reference(segments: Sequence[StatedSegment]) -> Reference:
     reference = Reference(tuple(pieces), ExactPose(heading, acb(arb(x), arb(y))))
     if len(segments) > 1:
         for index, segment in enumerate(segments[1:], start=1):
-            _check_start(index, segment.start, reference.poses[index])
+            check_start(index, segment.start, reference.poses[index])
     return reference
 
 
@@ -614,7 +629,7 @@ def _continuous(index: int, profile: StatedProfile, before: Piece | None) -> lis
     return result
 
 
-def _check_start(index: int, stated: tuple[fmpq, fmpq, fmpq], pose: ExactPose) -> None:
+def check_start(index: int, stated: tuple[fmpq, fmpq, fmpq], pose: ExactPose) -> None:
     """Raises ValueError where a segment does not start where the one before ends."""
     heading, x, y = stated
     turn = heading_gap(heading, pose.heading)
@@ -649,7 +664,7 @@ def needed_distance(
     `level` is one with level C₂ ≺ C₁ (proven here), as large as can be. With a gap the reference jumps in between:
     V₁ ≤ level (1 − jump)² makes √V₂ < 1 − jump before, and below 1 after. None where it is not proven.
     """
-    jump = gap.jump(second) if gap else fmpq(0)
+    jump = gap.jump(second.shape, second.inverse) if gap else fmpq(0)
     if jump >= 1 or not level > 0 or not hands_over(first, second, level):
         return None
     # the jump is bounded for deviations inside the second tube, where they are: √V₂ < 1 − jump

@@ -14,27 +14,39 @@ from itertools import product
 from flint import arb, fmpq
 
 from cfjax.check.containment import HEADING
-from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, Witness
+from cfjax.check.decrease import Extreme
+from cfjax.check.document import Course, FunnelClaim, ProblemClaim, SegmentClaim, Witness
 from cfjax.check.graph import Graph
 from cfjax.check.rational import exp_bounds, pi_lower, pi_upper
 from cfjax.check.reader import Broken
 from cfjax.check.tube import TubeClaim
 
 
-def confirm_witness(
-    problem: ProblemClaim, segment: SegmentClaim | TubeClaim, funnel: FunnelClaim, witness: Witness
-) -> str:
+def references_of(segment: SegmentClaim | TubeClaim, theta: fmpq) -> list[Extreme]:
+    """What the funnel has to hold for at θ: a segment's one reference there, a tube's extreme ones."""
+    if isinstance(segment, TubeClaim):
+        return segment.extremes()
+    profile = segment.profile(theta)
+    return [Extreme(profile, profile)]
+
+
+def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness) -> str:
     """One line that says what the witness shows.
 
     Raises:
         Broken: the witness does not show a violation.
     """
     states, x, theta = problem.vehicle.states, witness.x, witness.theta
+    segment = problem.distinct[witness.funnel]
+    kinds = problem.course.kinds if isinstance(problem.course, Course) else (0,)
     if not 0 <= theta <= segment.duration:
         raise Broken("witness: theta lies outside the segment")
     if witness.condition in "ab" and theta != (0 if witness.condition == "a" else segment.duration):
         raise Broken(f"witness: condition ({witness.condition}) is about one end of the segment, not this theta")
-    extremes = segment.extremes()
+    asked = {"a": witness.funnel == kinds[0], "b": witness.funnel == kinds[-1]}
+    if not asked.get(witness.condition, True):
+        raise Broken(f"witness: condition ({witness.condition}) is not asked of this segment")
+    extremes = references_of(segment, theta)
     if witness.reference >= len(extremes):
         raise Broken("witness: no such reference")
     if isinstance(segment, TubeClaim) and funnel.rate != 0:

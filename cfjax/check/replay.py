@@ -8,36 +8,27 @@ What is printed follows from what is proven: a number without a short decimal fo
 less, or is said to be "about" its decimal where it only names what the file speaks of.
 """
 
-from collections.abc import Mapping
 from decimal import ROUND_CEILING, ROUND_FLOOR
 from pathlib import Path
 
 from flint import fmpq
 
 from cfjax.check.chain import CHAIN, check_chain
-from cfjax.check.containment import broken_containments, half_widths
-from cfjax.check.decrease import CellProof, Extreme, SteadyDecrease, contraction_way, steady_pieces
-from cfjax.check.document import (
-    TEMPLATES,
-    CellKey,
-    Certificate,
-    FunnelClaim,
-    ProblemClaim,
-    SegmentClaim,
-    SteadyHints,
-    read_certificate,
-)
-from cfjax.check.enclosure import UnaryEnclosure
+from cfjax.check.containment import half_widths
+from cfjax.check.decrease import contraction_way
+from cfjax.check.document import TEMPLATES, Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
+from cfjax.check.proof import prove_funnels
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.reader import Broken, Unreadable, read_json
-from cfjax.check.refutation import confirm_witness
+from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
 from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import TubeClaim, is_mirrored, place_of, require_tube_structure
+from cfjax.check.tube import TubeClaim, place_of
 from cfjax.check.vehicle import check_known_vehicle
 
 
 CERTIFICATE_NAME = "certificate.json"
+SHOWN = 4  # funnels whose rates are printed
 
 
 def check_file(path: str | Path, skip_hash: bool = False) -> Report:
@@ -72,39 +63,30 @@ def _one_line(error: Exception) -> str:
 
 
 def _proven(certificate: Certificate) -> Report:
-    problem = certificate.problem
+    problem, funnels = certificate.problem, certificate.funnels
     vehicle, dynamics = _check_problem(problem)
-    for segment, funnel, hints in zip(problem.segments, certificate.funnels, certificate.hints, strict=True):
-        broken = broken_containments(
-            problem.vehicle.states,
-            funnel.shape,
-            funnel.template,
-            funnel.rate,
-            segment.duration,
-            problem.inlet,
-            problem.goal,
-            problem.safe,
-        )
-        if broken:
-            raise Broken("; ".join(broken))
-        _check_decrease(problem, dynamics, segment, funnel, hints)
-    margins = tuple(funnel.margin for funnel in certificate.funnels)
-    first = problem.segments[0]
-    if isinstance(first, TubeClaim):
-        funnel = certificate.funnels[0]
-        assert funnel.margin_per_metre is not None  # `_extremes` asked for it
+    prove_funnels(certificate, dynamics)
+    course = problem.course
+    if isinstance(course, TubeClaim):
+        funnel = funnels[0]
+        assert funnel.margin_per_metre is not None  # `prove_funnels` asked for it
         way = problem.inputs["u0"][1] * contraction_way(funnel.beta_lower, funnel.beta_inner) / funnel.margin_per_metre
-        message = _tube_message(problem, funnel, first, vehicle, way)
-        return Report(Outcome.PROVEN, message, margins, margin_per_metre=funnel.margin_per_metre, contraction=way)
-    duration = sum((segment.duration for segment in problem.segments), fmpq(0))
+        message = _tube_message(problem, funnel, course, vehicle, way)
+        return Report(
+            Outcome.PROVEN, message, (funnel.margin,), margin_per_metre=funnel.margin_per_metre, contraction=way
+        )
+    margins = tuple(funnels[kind].margin for kind in course.kinds)
+    duration = course.reference.duration
     slowest, fastest = problem.inputs["u0"]
     arrival = duration / fastest, duration / slowest
+    time = f"{decimal_text(arrival[0], ROUND_FLOOR)} to {decimal_text(arrival[1], ROUND_CEILING)} s"
+    again = ", and from there lap after lap for ever" if course.closed else ""
     message = (
-        f"PROVEN: a control funnel function for {vehicle} along {_path(problem)}. "
+        f"PROVEN: a control funnel function for {vehicle} along {_path(problem, course)}. "
         f"{_sets(problem, ROUND_FLOOR, ROUND_CEILING)} From every start in I at theta = 0, inputs "
         f"{_inputs(problem, ROUND_FLOOR, ROUND_CEILING)} suffice to keep the car in the funnel V <= 1 "
         f"({_funnels(certificate, ROUND_CEILING)}), inside {_safe(problem, ROUND_CEILING)}, until it arrives in G "
-        f"after {decimal_text(arrival[0], ROUND_FLOOR)} to {decimal_text(arrival[1], ROUND_CEILING)} s; "
+        f"after {time}{again}; "
         f"V decreases there with margin lambda = {decimal_text(min(margins), ROUND_FLOOR)} 1/s or more."
     )
     return Report(Outcome.PROVEN, message, margins, arrival)
@@ -141,15 +123,18 @@ def _refuted(certificate: Certificate) -> Report:
     problem, witness = certificate.problem, certificate.witness
     assert witness is not None
     vehicle, _ = _check_problem(problem)
-    if certificate.funnels[0].margin < 0:
+    if any(funnel.margin < 0 for funnel in certificate.funnels):
         raise Broken("margin: a candidate claims a margin that is not negative")
-    shown = confirm_witness(problem, problem.segments[0], certificate.funnels[0], witness)
-    place = place_of(problem.segments[0].extremes(), witness.reference) if witness.condition == "d" else ""
+    funnel = certificate.funnels[witness.funnel]
+    shown = confirm_witness(problem, funnel, witness)
+    segment = problem.distinct[witness.funnel]
+    place = place_of(references_of(segment, witness.theta), witness.reference) if witness.condition == "d" else ""
     at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     message = (
         f"REFUTED: {_funnels(certificate, ROUND_FLOOR)} with margin lambda = "
-        f"{decimal_text(certificate.funnels[0].margin, ROUND_CEILING)} 1/s is no control funnel function for {vehicle} "
-        f"along {_path(problem)}. {_sets(problem, ROUND_CEILING, ROUND_FLOOR)} Safe is {_safe(problem, ROUND_FLOOR)}. "
+        f"{decimal_text(funnel.margin, ROUND_CEILING)} 1/s is no control funnel function for {vehicle} "
+        f"along {_path(problem, problem.course)}. {_sets(problem, ROUND_CEILING, ROUND_FLOOR)} "
+        f"Safe is {_safe(problem, ROUND_FLOOR)}. "
         f"Inputs {_inputs(problem, ROUND_CEILING, ROUND_FLOOR)}. "
         f"At {place}theta = {about(witness.theta)} s, {at}: {shown}."
     )
@@ -176,109 +161,26 @@ def _check_problem(problem: ProblemClaim) -> tuple[str, Symbolic]:
     return unknown, dynamics
 
 
-def _check_decrease(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim | TubeClaim,
-    funnel: FunnelClaim,
-    hints: SteadyHints,
-) -> None:
-    """Condition (d) with the claimed margins, reference by reference, cell by cell."""
-    per_metre = funnel.margin_per_metre
-    if not funnel.margin > 0 or (per_metre is not None and not per_metre > 0):
-        raise Broken("condition (d): the claimed margin is not positive")
-    extremes = _extremes(problem, dynamics, segment, funnel)
-    try:
-        pieces = steady_pieces(funnel.template, funnel.rate, segment.duration, funnel.beta_lower, funnel.beta_inner)
-        enclosures = _enclosures(problem, hints)
-        questions = [
-            SteadyDecrease(
-                graph=problem.vehicle.graph,
-                states=problem.vehicle.states,
-                extreme=extreme,
-                inputs=problem.inputs,
-                shape=funnel.shape,
-                whitening=hints.whitening,
-                pieces=tuple(pieces),
-                enclosures=enclosures,
-                degrees=hints.degrees,
-            )
-            for extreme in extremes
-        ]
-        cells = {
-            (index, cell.piece, cell.signs): (question, cell)
-            for index, question in enumerate(questions)
-            for cell in question.cells()
-        }
-    except ValueError as error:
-        raise Broken(f"condition (d): {error}") from None
-    if cells.keys() != hints.cells.keys():
-        raise Broken(f"condition (d): the proof has to cover {len(cells)} cells, {_odd_cell(cells, hints, extremes)}")
-    for key, (margin, grams) in hints.cells.items():
-        place = f"condition (d), {_named(key, extremes)}"
-        question, cell = cells[key]
-        try:
-            proven = question.proven_margin(CellProof(cell, margin, grams))
-        except ValueError as error:
-            raise Broken(f"{place}: {error}") from None
-        # affine in the speed between its ends, as V' is (`cfjax.check.tube`)
-        claims = [(funnel.margin, fmpq(1), "1/s")]
-        if per_metre is not None:
-            claims.append((per_metre, question.extreme.profile["speed"], "1/m"))
-        for claimed, unit, name in claims:
-            if proven < claimed * unit:
-                least, shown = decimal_text(claimed, ROUND_CEILING), decimal_text(proven / unit, ROUND_FLOOR)
-                raise Broken(f"{place}: margin {least} {name} claimed, {shown} {name} proven")
-
-
-def _extremes(
-    problem: ProblemClaim, dynamics: Symbolic, segment: SegmentClaim | TubeClaim, funnel: FunnelClaim
-) -> list[Extreme]:
-    """The references at which (d) has to be proven."""
-    if isinstance(segment, SegmentClaim):
-        if funnel.margin_per_metre is not None:
-            raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
-        return segment.extremes()
-    if funnel.rate != 0 or funnel.margin_per_metre is None:
-        raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
-    require_tube_structure(dynamics)
-    return segment.extremes(is_mirrored(dynamics, problem.vehicle.states, problem.inputs, funnel.shape, segment))
-
-
-def _enclosures(problem: ProblemClaim, hints: SteadyHints) -> dict[int, UnaryEnclosure]:
-    """The enclosures of the file, proven; one for each node of the graph that applies a function, of that function."""
-    named = {node: entry[0] for node, entry in hints.enclosures.items()}
-    if named != problem.vehicle.graph.functions():
-        raise ValueError("the enclosures are not those of the functions in the graph")
-    return {node: UnaryEnclosure(*entry) for node, entry in hints.enclosures.items()}
-
-
-def _odd_cell(cells: Mapping[CellKey, object], hints: SteadyHints, extremes: list[Extreme]) -> str:
-    missing = sorted(cells.keys() - hints.cells.keys())
-    return f"but {_named(missing[0], extremes)} is missing" if missing else "but names others"
-
-
-def _named(key: CellKey, extremes: list[Extreme]) -> str:
-    reference, piece, signs = key
-    return f"{place_of(extremes, reference)}piece {piece}, signs {_signs(signs)}"
-
-
-def _signs(signs: tuple[int, ...]) -> str:
-    return "(" + "".join("+" if sign > 0 else "-" for sign in signs) + ")"
-
-
-def _path(problem: ProblemClaim) -> str:
+def _path(problem: ProblemClaim, course: Course | TubeClaim) -> str:
     """What a segment's funnel is about, or what a refuted tube's is: rounded so that a refutation says less."""
-    segment = problem.segments[0]
-    if isinstance(segment, TubeClaim):
-        bounds = (segment.speed, segment.curvature, segment.acceleration)
+    if isinstance(course, TubeClaim):
+        bounds = (course.speed, course.curvature, course.acceleration)
         speed, curvature, acceleration = (_interval(ends, ROUND_FLOOR, ROUND_CEILING) for ends in bounds)
         return (
             f"every path with speed in {speed} m/s, curvature in {curvature} 1/m, acceleration in {acceleration} m/s^2"
         )
+    named = f'the path "{problem.path}"'
+    pieces = course.reference.pieces
+    if len(pieces) == 1 and pieces[0].is_constant:
+        turning, moving = (about(coefficients[0]) for coefficients in (pieces[0].turn_rate, pieces[0].speed))
+        return (
+            f"{named} (turning rate {turning} rad/s, speed {moving} m/s, theta from 0 to {about(pieces[0].duration)} s)"
+        )
+    count = len(course.segments)
+    segments = f"{count} segments, " if count > 1 else ""
     return (
-        f'the path "{problem.path}" (turning rate {about(segment.turn_rate)} rad/s, speed {about(segment.speed)} m/s, '
-        f"theta from 0 to {about(segment.duration)} s)"
+        f"{named}, whose {len(pieces)} pieces stand in the file ({segments}{about(course.reference.length)} m, theta "
+        f"from 0 to {about(course.reference.duration)} s)"
     )
 
 
@@ -295,9 +197,16 @@ def _sets(problem: ProblemClaim, inlet: str, goal: str) -> str:
 
 
 def _safe(problem: ProblemClaim, rounding: str) -> str:
-    if problem.safe is None:
-        return "the whole plane (no S)"
-    return f"S with half-widths ({_numbers(problem.safe, rounding)})"
+    whole = "the whole plane (no S)"
+    box = whole if problem.safe is None else f"S with half-widths ({_numbers(problem.safe, rounding)})"
+    if not problem.obstacles:
+        return box
+    discs = " and ".join(
+        f"radius {decimal_text(disc.radius, ROUND_FLOOR)} m at offset {about(disc.offset)} m"
+        for disc in problem.footprint
+    )
+    clear = f"clear of {len(problem.obstacles)} obstacles that stand in the file, by a footprint of {discs}"
+    return clear if problem.safe is None else f"{box}, {clear}"
 
 
 def _inputs(problem: ProblemClaim, lower: str, upper: str) -> str:
@@ -308,10 +217,11 @@ def _inputs(problem: ProblemClaim, lower: str, upper: str) -> str:
 
 
 def _funnels(certificate: Certificate, inner_edge: str) -> str:
-    funnel = certificate.funnels[0]
-    if isinstance(certificate.problem.segments[0], TubeClaim):
-        return f"shell from {decimal_text(funnel.beta_lower, inner_edge)}"
-    return (
-        f"template {funnel.template}, {TEMPLATES[funnel.template]} {about(funnel.rate)} 1/s, "
-        f"shell from {decimal_text(funnel.beta_lower, inner_edge)}"
-    )
+    funnels = certificate.funnels
+    shell = f"shell from {decimal_text(max(funnel.beta_lower for funnel in funnels), inner_edge)}"
+    if isinstance(certificate.problem.course, TubeClaim):
+        return shell
+    name = TEMPLATES[funnels[0].template]
+    rates = ", ".join(about(funnel.rate) for funnel in funnels[:SHOWN])
+    more = ", ..." if len(funnels) > SHOWN else ""
+    return f"template {funnels[0].template}, {name} {rates}{more} 1/s, {shell}"

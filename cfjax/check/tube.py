@@ -50,6 +50,11 @@ class TubeClaim:
         """A tube has no end and its V no rate: θ is nowhere in the proof."""
         return fmpq(0)
 
+    @property
+    def is_single(self) -> bool:
+        """Whether it holds one reference alone."""
+        return all(lower == upper for lower, upper in (self.curvature, self.speed, self.acceleration))
+
     def extremes(self, mirrored: bool = False) -> list[Extreme]:
         """References that speak for all: by curvature, then acceleration, then speed, lower ends first.
 

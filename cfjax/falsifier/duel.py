@@ -1,10 +1,12 @@
 """The duel: candidates and the particles that hunt their worst points, in one compiled program.
 
-A candidate is a factor L (C⁻¹ = L Lᵀ) and a change (rate · duration). Each has its own particles, points of the shell
-in the dual coordinates of `cfjax.funnel.conditions`. In every step
+A candidate is a chain of funnels, one for each distinct segment of the path: factors L (C⁻¹ = L Lᵀ) and changes
+(rate · duration). Each funnel has its own particles, points of the shell in the dual coordinates of
+`cfjax.funnel.conditions`, each at its station. In every step
 
 - each particle moves down the margin of condition (d) by a normalised step, |b_i| rounded off over the same length;
-- the candidate moves, by Adam, up the soft minimum of its particles' margins less exact-penalty hinges of (a)–(c). The
+- the candidate moves, by Adam, up the soft minimum of all its particles' margins less exact-penalty hinges of (a)–(c)
+  and of the links from funnel to funnel. The
   step is relative to the present ellipsoid, L ← L (I − lr A) with A lower triangular: units and shapes do not matter.
 
 Steps, rounding and temperature shrink geometrically. With a learning rate of zero the candidates stand still and the
@@ -23,7 +25,8 @@ import optax
 from jaxtyping import Array, Float
 
 from cfjax.funnel import Template
-from cfjax.funnel.conditions import Instance, containment_excess, decrease_margins
+from cfjax.funnel.conditions import chain_excess, decrease_margins
+from cfjax.funnel.instance import Chain, Instance
 from cfjax.problem import ReferencePoint, Vehicle, affine_deviation
 from cfjax.problem.vehicle import Scalar
 
@@ -60,91 +63,102 @@ class Schedule(NamedTuple):
 
 
 class Particles(NamedTuple):
-    """Points of the shell: rows (w, s) and masks with 0 where a coordinate is held on its ridge."""
+    """Points of the shell: rows (w, s), masks with 0 where a coordinate is held on its ridge, and their stations."""
 
-    points: np.ndarray  # (candidates, particles, n + 1)
+    points: np.ndarray  # (candidates, funnels, particles, n + 1)
     free: np.ndarray
+    station: np.ndarray  # (candidates, funnels, particles)
 
 
 class Outcome(NamedTuple):
     """After a duel: candidates, particles and the margins (1/s) at the particles, exact |b_i|."""
 
-    factor: Float[np.ndarray, "r n n"]
-    change: Float[np.ndarray, " r"]
+    factor: Float[np.ndarray, "r f n n"]
+    change: Float[np.ndarray, "r f"]
     particles: Particles
-    margins: Float[np.ndarray, "r k"]
+    margins: Float[np.ndarray, "r f k"]
 
 
-def spawn(rng: np.random.Generator, candidates: int, count: int, ridges: Float[np.ndarray, " n"]) -> Particles:
-    """Random particles; each coordinate that is a ridge (1 in `ridges`) is held at zero by a share of them."""
+def spawn(
+    rng: np.random.Generator, shape: tuple[int, int, int], ridges: Float[np.ndarray, " n"], stations: int
+) -> Particles:
+    """Random particles, `shape` = (candidates, funnels, particles), evenly over the stations.
+
+    Each coordinate that is a ridge (1 in `ridges`) is held at zero by a share of them.
+    """
     size = len(ridges)
-    free = np.ones((candidates, count, size + 1))
-    held = rng.uniform(size=(candidates, count, size)) < RIDGE_SHARE * ridges
+    free = np.ones((*shape, size + 1))
+    held = rng.uniform(size=(*shape, size)) < RIDGE_SHARE * ridges
     held[held.all(axis=-1)] = False
     free[..., :size][held] = 0.0
-    points = np.concatenate(
-        [rng.normal(size=(candidates, count, size)), rng.uniform(size=(candidates, count, 1))], axis=-1
-    )
+    points = np.concatenate([rng.normal(size=(*shape, size)), rng.uniform(size=(*shape, 1))], axis=-1)
     points *= free
     points[..., :size] /= np.linalg.norm(points[..., :size], axis=-1, keepdims=True)
-    return Particles(points, free)
+    return Particles(points, free, np.broadcast_to(np.arange(shape[-1]) % stations, shape).copy())
 
 
 def duel(
     vehicle: Vehicle,
     template: Template,
-    instance: Instance,
+    chain: Chain,
     schedule: Schedule,
     scale: Float[np.ndarray, " r"],
-    factor: Float[np.ndarray, "r n n"],
-    change: Float[np.ndarray, " r"],
+    factor: Float[np.ndarray, "r f n n"],
+    change: Float[np.ndarray, "r f"],
     particles: Particles,
 ) -> Outcome:
     """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
     traced = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
     program = _program(vehicle, template)
-    moved = program(instance, traced, scale, factor, change, particles.points, particles.free)
+    moved = program(chain, traced, scale, factor, change, *particles)
     factor, change, points, margins = map(np.asarray, moved)
-    return Outcome(factor, change, Particles(points, particles.free), margins)
+    return Outcome(factor, change, particles._replace(points=points), margins)
 
 
 @lru_cache
 def _program(vehicle: Vehicle, template: Template):
-    return jax.jit(jax.vmap(partial(_run, vehicle, template), in_axes=(None, None, 0, 0, 0, 0, 0)))
+    return jax.jit(jax.vmap(partial(_run, vehicle, template), in_axes=(None, None, 0, 0, 0, 0, 0, 0)))
 
 
 def _normalised(points: Array) -> Array:
-    w = points[:, :-1]
-    return jnp.concatenate([w / jnp.linalg.norm(w, axis=1, keepdims=True), jnp.clip(points[:, -1:], 0, 1)], axis=1)
+    w = points[..., :-1]
+    return jnp.concatenate([w / jnp.linalg.norm(w, axis=-1, keepdims=True), jnp.clip(points[..., -1:], 0, 1)], axis=-1)
 
 
 def _run(
     vehicle: Vehicle,
     template: Template,
-    instance: Instance,
+    chain: Chain,
     schedule: Schedule,
     scale: Array,
     factor: Array,
     change: Array,
     points: Array,
     free: Array,
+    station: Array,
 ) -> tuple[Array, Array, Array, Array]:
-    size = factor.shape[0]
+    funnels, size, _ = factor.shape
     lower = np.tril_indices(size)
+    duration = jnp.asarray(chain.funnels.duration)
+    lowest, highest = chain.funnels.change_bounds
 
     def triangle(delta: Array) -> Array:
-        return jnp.zeros((size, size)).at[lower].set(delta[:-1]) * instance.coupling
+        filled = jnp.zeros((funnels, size, size)).at[:, lower[0], lower[1]].set(delta[:, :-1])
+        return filled * chain.funnels.coupling
 
     def margins(factor: Array, change: Array, points: Array, smoothing: Array | float) -> Array:
-        rate = change / instance.duration
-        return decrease_margins(vehicle, template, instance, factor, rate, points[:, :-1], points[:, -1], smoothing)
+        def of_funnel(instance: Instance, factor: Array, rate: Array, points: Array, station: Array) -> Array:
+            w, s = points[:, :-1], points[:, -1]
+            return decrease_margins(vehicle, template, instance, factor, rate, w, s, station, smoothing)
+
+        return jax.vmap(of_funnel)(chain.funnels, factor, change / duration, points, station)
 
     def loss(delta: Array, points: Array, factor: Array, change: Array, temperature: Array, smoothing: Array) -> Array:
-        factor, change = factor + factor @ triangle(delta), change + delta[-1]
+        factor, change = factor + factor @ triangle(delta), change + delta[:, -1]
         at = margins(factor, change, _normalised(points), smoothing) / scale
-        hinge = jax.nn.relu(containment_excess(template, instance, factor, change / instance.duration) + SLACK)
+        hinge = jax.nn.relu(chain_excess(template, chain, factor, change / duration) + SLACK)
         # one gradient serves both players: a particle's own weight is positive and cancels when its step is normalised
-        weight = jax.lax.stop_gradient(jax.nn.softmax(-at / temperature) + 1e-14)
+        weight = jax.lax.stop_gradient(jax.nn.softmax(-at / temperature, axis=(0, 1)) + 1e-14)
         return -jnp.sum(weight * at) + PENALTY * (jnp.sum(hinge) + 10 * jnp.sum(hinge**2))
 
     def now(pair: tuple[Scalar, Scalar], i: Array) -> Array:
@@ -156,16 +170,16 @@ def _run(
         factor, change, adam, points = carry
         temperature, step = now(schedule.temperature, i), now(schedule.step, i)
         learning_rate = now(schedule.learning_rate, i) * jnp.minimum(1.0, i / 20)
-        zero = jnp.zeros(len(lower[0]) + 1)
+        zero = jnp.zeros((funnels, len(lower[0]) + 1))
         gradient, down = jax.grad(loss, (0, 1))(zero, points, factor, change, temperature, ROUNDING * step * scale)
         down = down * free
-        points = _normalised(points + step * down / (jnp.linalg.norm(down, axis=1, keepdims=True) + 1e-200))
+        points = _normalised(points + step * down / (jnp.linalg.norm(down, axis=-1, keepdims=True) + 1e-200))
         direction, adam = ADAM.update(gradient, adam)
         move = learning_rate * jnp.asarray(direction)
-        change = jnp.where(learning_rate > 0, jnp.clip(change - move[-1], *instance.change_bounds), change)
+        change = jnp.where(learning_rate > 0, jnp.clip(change - move[:, -1], lowest, highest), change)
         return factor - factor @ triangle(move), change, adam, points
 
-    start = (factor, change, ADAM.init(jnp.zeros(len(lower[0]) + 1)), points)
+    start = (factor, change, ADAM.init(jnp.zeros((funnels, len(lower[0]) + 1))), points)
     factor, change, _, points = jax.lax.fori_loop(0, schedule.steps, body, start)
     return factor, change, points, margins(factor, change, points, 0.0)
 
@@ -175,14 +189,15 @@ def _columns(vehicle: Vehicle, x: Float[Array, "k n"], reference: ReferencePoint
     return jax.vmap(lambda one: affine_deviation(vehicle, one, reference)[1])(x)
 
 
-def ridge_coordinates(vehicle: Vehicle, instance: Instance) -> Float[np.ndarray, " n"]:
+def ridge_coordinates(vehicle: Vehicle, chain: Chain) -> Float[np.ndarray, " n"]:
     """Which coordinates of the covector decide alone about an input's authority: 1 for each, else 0.
 
     An input attacks one state alone if its column of the dynamics has one entry that is not zero, wherever one looks.
     """
-    probes = np.random.default_rng(0).normal(size=(8, len(instance.inlet))) * np.asarray(instance.inlet)[None, :]
-    columns = _columns(vehicle, jnp.asarray(probes), jax.tree.map(lambda values: values[0], instance.nominal))
-    ridges = np.zeros(len(instance.inlet))
+    unit = np.asarray(chain.funnels.inlet)[0]
+    probes = np.random.default_rng(0).normal(size=(8, len(unit))) * unit[None, :]
+    columns = _columns(vehicle, jnp.asarray(probes), jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal))
+    ridges = np.zeros(len(unit))
     for column in np.abs(np.asarray(columns)).max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column > 1e-12) == 1:
             ridges[int(np.argmax(column))] = 1.0

@@ -5,7 +5,7 @@ part of them held on the ridges where inputs have no authority: the lowest margi
 them by factors of two and more.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,12 +14,19 @@ from jaxtyping import Float
 
 from cfjax.falsifier.duel import Outcome, Particles, Schedule, duel, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
-from cfjax.funnel.conditions import Instance, Unit, instance_of, shell_points
-from cfjax.problem import Problem, Segment, Tube, Vehicle
+from cfjax.funnel.conditions import shell_points
+from cfjax.funnel.instance import Chain, Clearance, Unit, chain_of, instance_of
+from cfjax.problem import Path, Problem, Segment, Tube, Vehicle
 
 
 SEARCH = Schedule(steps=400)
-GROUPS, GROUP_SIZE = 4, 128  # the shapes of the learner's duel: the same compiled program
+GROUPS = 4  # the shapes of the learner's duel: the same compiled program
+GROUP_SIZE, PER_STATION = 128, 4  # particles of a funnel: at least, and at each station
+
+
+def group_size(chain: Chain) -> int:
+    """How many particles hunt each funnel of a candidate."""
+    return max(GROUP_SIZE, PER_STATION * chain.funnels.begin.shape[1])
 
 
 @dataclass(frozen=True)
@@ -37,43 +44,53 @@ class WorstPoint:
     x: tuple[float, ...]  # deviation, in the units of the states
 
 
+class Suspect(NamedTuple):
+    """A deviation that candidates are to hold against: of a path's distinct segment, at θ (s)."""
+
+    segment: int
+    theta: float
+    x: tuple[float, ...]
+
+
 class Hunt(NamedTuple):
     """Particles at the (local) worst points of each candidate's condition (d), and the margins there, 1/s."""
 
     particles: Particles
-    margins: Float[np.ndarray, "r k"]
+    margins: Float[np.ndarray, "r f k"]
 
 
 def margin_scale(
     vehicle: Vehicle,
     template: Template,
-    instance: Instance,
-    factor: Float[np.ndarray, "r n n"],
-    change: Float[np.ndarray, " r"],
+    chain: Chain,
+    factor: Float[np.ndarray, "r f n n"],
+    change: Float[np.ndarray, "r f"],
     particles: Particles,
 ) -> Float[np.ndarray, " r"]:
     """Spread of each candidate's margin over random points of its shell, 1/s: the unit of a search's tolerances."""
     still = SEARCH._replace(steps=0)
-    return duel(vehicle, template, instance, still, np.ones(len(factor)), factor, change, particles).margins.std(axis=1)
+    return duel(vehicle, template, chain, still, np.ones(len(factor)), factor, change, particles).margins.std((1, 2))
 
 
 def hunt(
     vehicle: Vehicle,
     template: Template,
-    instance: Instance,
-    factor: Float[np.ndarray, "r n n"],
-    change: Float[np.ndarray, " r"],
+    chain: Chain,
+    factor: Float[np.ndarray, "r f n n"],
+    change: Float[np.ndarray, "r f"],
     rng: np.random.Generator,
     schedule: Schedule = SEARCH,
-    count: int = GROUP_SIZE,
 ) -> Hunt:
-    """Search each candidate's shell from fresh random particles."""
-    particles = spawn(rng, len(factor), count, ridge_coordinates(vehicle, instance))
-    scale = margin_scale(vehicle, template, instance, factor, change, particles)
-    found: Outcome = duel(vehicle, template, instance, schedule, scale, factor, change, particles)
+    """Search each candidate's shells from fresh random particles."""
+    stations = chain.funnels.begin.shape[1]
+    shape = (*change.shape, group_size(chain))
+    particles = spawn(rng, shape, ridge_coordinates(vehicle, chain), stations)
+    scale = margin_scale(vehicle, template, chain, factor, change, particles)
+    found: Outcome = duel(vehicle, template, chain, schedule, scale, factor, change, particles)
     # a particle that met NaN says nothing; a candidate of which none says anything has no margin at all
     lost = np.isnan(found.margins)
-    return Hunt(found.particles, np.where(lost, np.where(lost.all(axis=1), -np.inf, np.inf)[:, None], found.margins))
+    silent = np.where(lost.all(axis=(1, 2), keepdims=True), -np.inf, np.inf)
+    return Hunt(found.particles, np.where(lost, silent, found.margins))
 
 
 def falsify(
@@ -87,9 +104,12 @@ def falsify(
 ) -> tuple[WorstPoint, ...]:
     """The worst point that was found of each of (a), (b), (c), (d); the first three are exact up to rounding.
 
-    (d) is searched `rounds` times by 512 particles each; of a tube, at all its extreme references.
+    (d) is searched `rounds` times by at least 512 particles; of a tube, at all its extreme references, along a segment
+    that varies, at its stations.
     """
-    instance = instance_of(problem, segment, funnel.template, funnel.beta_lower, funnel.beta_inner, unit)
+    alone = replace(problem, path=Path(problem.path.name, (segment,)))  # its sets are told apart below
+    chain = chain_of(alone, funnel.template, funnel.beta_lower, funnel.beta_inner, unit)
+    here = instance_of(problem, segment, funnel.template, funnel.beta_lower)
     inverse = np.linalg.inv(funnel.shape)
     inlet, goal = np.array(problem.inlet.half_axes), np.array(problem.goal.half_axes)
     end, last = funnel.end_level, 0.0 if isinstance(segment, Tube) else segment.duration
@@ -99,32 +119,53 @@ def falsify(
     def note(condition: str, slack: float, theta: float, x: np.ndarray) -> None:
         points.append(WorstPoint(condition, float(slack), theta, tuple(float(value) for value in x)))
 
-    values, vectors = np.linalg.eigh(funnel.shape * np.outer(inlet, inlet))  # q on the boundary of I
-    note("a", 1 - values[-1], 0.0, inlet * vectors[:, -1])
-    values, vectors = np.linalg.eigh(funnel.shape * np.outer(goal, goal))
-    note("b", values[0] / end - 1, last, goal * vectors[:, 0])
-    safe = np.asarray(instance.safe)
+    if here.starts:
+        values, vectors = np.linalg.eigh(funnel.shape * np.outer(inlet, inlet))  # q on the boundary of I
+        note("a", 1 - values[-1], 0.0, inlet * vectors[:, -1])
+    if here.ends:
+        values, vectors = np.linalg.eigh(funnel.shape * np.outer(goal, goal))
+        note("b", values[0] / end - 1, last, goal * vectors[:, 0])
+    safe = np.asarray(here.safe)
     face = int(np.argmin(safe**2 / np.diag(inverse)))
     slack = safe[face] ** 2 / inverse[face, face] / max(1.0, end) - 1
     note("c", slack, widest_at, safe[face] * inverse[:, face] / inverse[face, face])
+    if problem.obstacles:
+        note("c", *_nearest(funnel, here.clearance, inverse))
 
-    factor = np.repeat(np.linalg.cholesky(inverse)[None], GROUPS, axis=0)
-    change = np.full(GROUPS, funnel.rate * float(instance.duration))
+    factor = np.repeat(np.linalg.cholesky(inverse)[None, None], GROUPS, axis=0)
+    change = np.full((GROUPS, 1), funnel.rate * float(here.duration))
     rng = np.random.default_rng(seed)
-    found = [hunt(problem.vehicle, funnel.template, instance, factor, change, rng) for _ in range(rounds)]
+    found = [hunt(problem.vehicle, funnel.template, chain, factor, change, rng) for _ in range(rounds)]
     margins = np.concatenate([hunted.margins.ravel() for hunted in found])
     rows = np.concatenate([hunted.particles.points.reshape(-1, problem.dimension + 1) for hunted in found])
-    worst = rows[np.argmin(margins)][None]
-    w, s = jnp.asarray(worst[:, :-1]), jnp.asarray(worst[:, -1])
-    x, q, _ = shell_points(funnel.template, instance, jnp.asarray(factor[0]), funnel.rate, w, s)
-    theta = _theta_in_shell(funnel, last, float(q[0]))
+    stations = np.concatenate([hunted.particles.station.ravel() for hunted in found])
+    worst = [int(np.argmin(margins))]
+    w, s, station = (jnp.asarray(values) for values in (rows[worst, :-1], rows[worst, -1], stations[worst]))
+    x, q, _ = shell_points(funnel.template, here, jnp.asarray(factor[0, 0]), funnel.rate, w, s, station)
+    begin, until = float(here.begin[stations[worst[0]]]), float(here.end[stations[worst[0]]])
+    theta = _theta_in_shell(funnel, begin, min(until, last), float(q[0]))
     note("d", margins.min(), theta, np.asarray(x[0]))
     return tuple(points)
 
 
-def _theta_in_shell(funnel: Funnel, duration: float, q: float) -> float:
+def _nearest(
+    funnel: Funnel, clearance: Clearance, inverse: Float[np.ndarray, "n n"]
+) -> tuple[float, float, Float[np.ndarray, " n"]]:
+    """Slack, θ and deviation at which the footprint comes closest to an obstacle."""
+    theta, gap, reach, swing = map(np.asarray, clearance)
+    level = funnel.level(theta)
+    wide = np.sqrt(np.einsum("pdi,ij,pdj->pd", reach, inverse, reach))
+    left = gap - np.sqrt(level)[:, None] * wide - (swing * level * inverse[0, 0])[:, None]
+    place = int(np.argmin(left.max(axis=1)))
+    normal = int(np.argmax(left[place]))
+    half = np.sqrt(level[place]) * wide[place, normal]  # of the funnel along n
+    x = gap[place, normal] / wide[place, normal] ** 2 * inverse @ reach[place, normal]
+    return float((gap[place, normal] / half) ** 2 - 1), float(theta[place]), x
+
+
+def _theta_in_shell(funnel: Funnel, begin: float, end: float, q: float) -> float:
     """A θ at which a deviation of form q lies in the shell and the demand on it is the largest."""
-    grid = np.linspace(0.0, duration, 4001)
+    grid = np.linspace(begin, end, 4001)
     values = np.asarray(funnel.template.value(funnel.rate, grid, q))
     inside = (values >= funnel.inner - 1e-9) & (values <= 1 + 1e-9)
     fading = np.minimum(1.0, values / funnel.beta_lower)

@@ -10,93 +10,19 @@ V_α ~ w_α and V_v ~ w_v), whatever the funnel: the ridges on which the margin 
 funnel changes, and a search can walk along them by leaving coordinates at zero.
 """
 
-import enum
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from cfjax.funnel.funnel import Funnel
+from cfjax.funnel.instance import Chain, Instance
 from cfjax.funnel.template import Template
-from cfjax.problem import Problem, ReferencePoint, Segment, Tube, Vehicle, deviation_rate, mirror_signs
+from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
 from cfjax.problem.vehicle import Scalar
 
 
-class Unit(enum.Enum):
-    """What a margin is counted in: 1/s, 1/m of the reference's way, or in between.
-
-    At a high speed a margin in 1/s is worth little: what counts there is the way. Balanced margins, which a learner
-    maximises, are in 1/s at the slowest speed and grow with speed nearly as fast as margins per metre.
-    """
-
-    SECOND = 0.0
-    METRE = 1.0
-    BALANCED = 0.95  # exponent of the speed, relative to the slowest
-
-
-class Instance(NamedTuple):
-    """The numbers of one problem on one steady segment or tube, as a pytree: one compiled program serves all.
-
-    `references` are the extreme references, arrays (groups, members), `nominal` the one of each group, arrays
-    (groups,), at which signs are read; margins are divided by `unit` (groups, members).
-
-    Where a tube is its own mirror image, so is V: `coupling` is then zero between states of unlike parity, and the
-    upper end of the curvature speaks for both.
-    """
-
-    references: ReferencePoint
-    nominal: ReferencePoint
-    unit: Array | np.ndarray
-    duration: Scalar  # T, s; 1 for a tube, which has no end, and whose rate is zero
-    beta_lower: Scalar
-    beta_inner: Scalar
-    input_middle: Array | np.ndarray  # (1 + m,), u0 first
-    input_half: Array | np.ndarray
-    inlet: Array | np.ndarray  # half-axes of I, one per state
-    goal: Array | np.ndarray  # half-axes of G
-    safe: Array | np.ndarray  # half-widths of S, at most π in the heading (V is continuous only short of the wrap)
-    change_bounds: tuple[Scalar, Scalar]  # of rate · duration
-    coupling: Array | np.ndarray  # (n, n): 1 where C may have an entry, else 0
-
-
-def instance_of(
-    problem: Problem,
-    segment: Segment | Tube,
-    template: Template,
-    beta_lower: float,
-    beta_inner: float | None = None,
-    unit: Unit = Unit.SECOND,
-) -> Instance:
-    """The numbers that the conditions need; `beta_inner` is beta_lower unless given."""
-    tube = segment if isinstance(segment, Tube) else None
-    references, nominal = np.array(segment.references(), float), np.array(segment.nominal(), float)
-    mirror = mirror_signs(problem.vehicle) if tube and tube.curvature.middle == 0 else None
-    if tube and mirror:
-        half = len(references) // 2 if tube.curvature.half else 0  # of the groups: the upper end of the curvature
-        references, nominal = references[half:], nominal[half:]
-    parity = np.array(mirror or (1,) * problem.dimension)
-    speed = references[..., 1]
-    may_grow = all(start < end for start, end in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))
-    safe = np.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension)
-    safe[0] = min(safe[0], np.pi)
-    bounds = (0.0, 0.0) if tube else template.change_bounds(beta_lower, may_grow)
-    return Instance(
-        references=ReferencePoint(*np.moveaxis(references, -1, 0)),
-        nominal=ReferencePoint(*nominal.T),
-        unit=(speed if unit is Unit.METRE else speed / speed.min()) ** unit.value,
-        duration=np.float64(1.0 if tube else segment.duration),
-        beta_lower=np.float64(beta_lower),
-        beta_inner=np.float64(beta_lower if beta_inner is None else beta_inner),
-        input_middle=np.array([interval.middle for interval in problem.inputs]),
-        input_half=np.array([interval.half for interval in problem.inputs]),
-        inlet=np.array(problem.inlet.half_axes),
-        goal=np.array(problem.goal.half_axes),
-        safe=safe,
-        change_bounds=tuple(map(np.float64, bounds)),
-        coupling=(np.outer(parity, parity) > 0).astype(float),
-    )
+CLEAR = 1e-3  # m that a funnel keeps off obstacles at the places looked at, for what lies between them
 
 
 def shell_points(
@@ -106,22 +32,28 @@ def shell_points(
     rate: Scalar,
     w: Float[Array, "k n"],
     s: Float[Array, " k"],
+    station: Int[Array, " k"],
 ) -> tuple[Float[Array, "k n"], Float[Array, " k"], Float[Array, "k n"]]:
-    """From dual coordinates to deviations x, forms q and gradients ∇q; w in units of 1/half-axis of I, s ∈ [0, 1]."""
+    """From dual coordinates to deviations x, forms q and gradients ∇q; w in units of 1/half-axis of I, s ∈ [0, 1].
+
+    `station` says at which of the instance's stations each point lies.
+    """
     covector = w / jnp.asarray(instance.inlet)[None, :]
     pulled = covector @ factor
-    low, high = template.shell(rate, instance.duration, instance.beta_inner)
+    begin, end = jnp.asarray(instance.begin)[station], jnp.asarray(instance.end)[station]
+    low, high = template.shell(rate, begin, end, instance.beta_inner)
     q = low + (high - low) * s
     size = jnp.sqrt(q) / jnp.sqrt(jnp.sum(pulled * pulled, axis=1))
     return size[:, None] * (pulled @ factor.T), q, 2 * size[:, None] * covector
 
 
 def dual_coordinates(
-    instance: Instance, funnel: Funnel, x: Float[np.ndarray, "k n"]
+    instance: Instance, funnel: Funnel, x: Float[np.ndarray, "k n"], station: Int[np.ndarray, " k"]
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, " k"]]:
     """The inverse of `shell_points`: unit directions w and fractions s of deviations x (clipped to the shell)."""
     w = x @ funnel.shape * np.asarray(instance.inlet)
-    low, high = (float(q) for q in funnel.template.shell(funnel.rate, instance.duration, instance.beta_lower))
+    begin, end = np.asarray(instance.begin)[station], np.asarray(instance.end)[station]
+    low, high = map(np.asarray, funnel.template.shell(funnel.rate, begin, end, float(instance.beta_inner)))
     s = np.clip((funnel.form(x) - low) / (high - low), 0.0, 1.0)
     return w / np.linalg.norm(w, axis=1, keepdims=True), s
 
@@ -134,6 +66,7 @@ def decrease_margins(
     rate: Scalar,
     w: Float[Array, "k n"],
     s: Float[Array, " k"],
+    station: Int[Array, " k"],
     smoothing: Scalar = 0.0,
 ) -> Float[Array, " k"]:
     """Condition (d): the λ (1/s, over the instance's unit) that the best input in the box reaches at each point.
@@ -142,7 +75,7 @@ def decrease_margins(
     off from above and so makes the margin look a little better than it is, never worse. Of several extreme references
     the worst counts; those of one group have to do with the one vertex that is best for their nominal reference.
     """
-    x, q, gradient = shell_points(template, instance, factor, rate, w, s)
+    x, q, gradient = shell_points(template, instance, factor, rate, w, s, station)
     states, slopes = tuple(x.T), tuple(gradient.T)
     count = 1 + len(vehicle.input_names)
 
@@ -168,10 +101,16 @@ def decrease_margins(
             reach = half * affine(nominal)[1]
             authority = half[None] * columns * (reach / _rounded_abs(reach, smoothing, at_zero=1.0))[None]
         best = drift + (columns * middle[None] - authority).sum(axis=1)
-        return (-best / unit[:, None]).min(axis=0)
+        return (-best / unit).min(axis=0)
 
-    margins = jax.vmap(group)(instance.references, instance.nominal, jnp.asarray(instance.unit)).min(axis=0)
-    return margins / template.drop(rate, instance.duration, instance.beta_lower, q)
+    def at_station(values: Array | np.ndarray) -> Array:
+        """(stations, …) to (…, k): the numbers of each point's station."""
+        return jnp.moveaxis(jnp.asarray(values)[station], 0, -1)
+
+    references, nominal = (jax.tree.map(at_station, points) for points in (instance.references, instance.nominal))
+    margins = jax.vmap(group)(references, nominal, at_station(instance.unit)).min(axis=0)
+    begin, end = at_station(instance.begin), at_station(instance.end)
+    return margins / template.drop(rate, begin, end, instance.beta_lower, q)
 
 
 def _rounded_abs(value: Array, smoothing: Scalar, at_zero: float = 0.0) -> Array:
@@ -185,11 +124,42 @@ def containment_excess(
 ) -> Float[Array, " j"]:
     """Conditions (a), (b), (c): relative excesses, all below zero exactly when the three hold strictly.
 
-    (a) I inside the funnel's start, (b) the funnel's end inside G, (c) the widest level inside the box S.
+    (a) I inside the funnel's start, (b) the funnel's end inside G, (c) the widest level inside the box S and, at the
+    places looked at, the footprint clear of the obstacles.
     """
     inverse = factor @ factor.T  # C⁻¹
     end = template.level(rate, instance.duration)
     axes = jnp.stack([jnp.asarray(instance.inlet), jnp.asarray(instance.goal)])
     in_inlet, in_goal = jnp.linalg.eigvalsh(inverse[None] / (axes[:, :, None] * axes[:, None, :]))
-    widest = jnp.maximum(end, 1.0)
-    return jnp.concatenate([1 - in_inlet, end * in_goal - 1, widest * jnp.diag(inverse) / instance.safe**2 - 1])
+    starts = jnp.where(jnp.asarray(instance.starts) > 0, 1 - in_inlet, -1.0)
+    ends = jnp.where(jnp.asarray(instance.ends) > 0, end * in_goal - 1, -1.0)
+    box = jnp.maximum(end, 1.0) * jnp.diag(inverse) / instance.safe**2 - 1
+    return jnp.concatenate([starts, ends, box, _overlap(template, instance, inverse, rate)])
+
+
+def _overlap(template: Template, instance: Instance, inverse: Float[Array, "n n"], rate: Scalar) -> Float[Array, " p"]:
+    """By how much, in lateral half-axes of I, the footprint comes closer to an obstacle than it may at each place."""
+    theta, gap, reach, swing = map(jnp.asarray, instance.clearance)
+    level = jnp.maximum(template.level(rate, theta), 1e-9)  # a candidate may be empty before its end
+    wide = jnp.einsum("pdi,ij,pdj->pd", reach, inverse, reach)
+    needed = jnp.sqrt(level)[:, None] * jnp.sqrt(wide) + (swing * level * inverse[0, 0])[:, None]
+    return (CLEAR - jnp.max(gap - needed, axis=1)) / jnp.asarray(instance.inlet)[1]
+
+
+def link_excess(template: Template, chain: Chain, factors: Float[Array, "k n n"], rates: Float[Array, " k"]) -> Array:
+    """By how much, relatively, a funnel's end reaches beyond the start of the next; below zero where it does not."""
+    first, second = chain.links.T
+    end = template.level(rates, jnp.asarray(chain.funnels.duration))[first]
+    between = jnp.linalg.solve(factors[second], factors[first])
+    spectrum = jnp.linalg.eigvalsh(between @ between.transpose(0, 2, 1))
+    return (end[:, None] * spectrum - 1).ravel()
+
+
+def chain_excess(
+    template: Template, chain: Chain, factors: Float[Array, "k n n"], rates: Float[Array, " k"]
+) -> Float[Array, " j"]:
+    """(a), (b), (c) of every funnel and the links between them: all below zero exactly when they hold strictly."""
+    own = jax.vmap(lambda instance, factor, rate: containment_excess(template, instance, factor, rate))(
+        chain.funnels, factors, rates
+    ).ravel()
+    return jnp.concatenate([own, link_excess(template, chain, factors, rates)]) if len(chain.links) else own

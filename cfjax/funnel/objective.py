@@ -1,6 +1,7 @@
 """What a funnel is wanted for."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cfjax.errors import InputError
@@ -32,11 +33,12 @@ class Objective:
                 f"objective.margin: expected a positive number (1/s) with objective={self.kind}, got {self.margin}"
             )
 
-    def rank(self, problem: Problem, funnel: Funnel, margin: float) -> tuple[float, ...]:
-        """Larger is better: for a funnel of the problem with that certified margin (1/s, 0 for none)."""
+    def rank(self, problem: Problem, funnels: Sequence[Funnel], margin: float) -> tuple[float, ...]:
+        """Larger is better: for funnels of the problem with that least certified margin (1/s, 0 for none)."""
         if self.margin is None or margin < self.margin:
             return 0.0, margin
-        return 1.0, -lateral_half_width(funnel) if self.kind == "width" else problem.inlet.half_axes[0]
+        width = max(map(lateral_half_width, funnels))
+        return 1.0, -width if self.kind == "width" else problem.inlet.half_axes[0]
 
 
 def lateral_half_width(funnel: Funnel) -> float:

@@ -14,8 +14,9 @@ Below β̲, down to an inner level β_in (β̲ itself unless somebody asks), the
 that the time in which a deviation comes down from V = 1 to β_in is known. For `paper` drop = min(1, (q + c0 θ)/β̲), for
 `contracting` drop = min(ρ(θ), q/β̲).
 
-Where the dynamics do not depend on θ (a steady segment) neither does anything else, and θ is eliminated exactly: a
-deviation with form q has to decrease for every θ at which it lies in the shell, the worst of them has the largest drop.
+Where the dynamics do not depend on θ on a stretch [θ₀, θ₁] (the whole of a steady segment) neither does anything else,
+and θ is eliminated exactly: a deviation with form q has to decrease for every θ of the stretch at which it lies in the
+shell, the worst of them has the largest drop. A single place of a curved path is a stretch too, with θ₀ = θ₁.
 
 The functions work on floats, JAX arrays and exact numbers alike where no exponential is taken.
 """
@@ -56,12 +57,15 @@ class Template(abc.ABC):
         """The coefficient of u0 that the template adds to q̇."""
 
     @abc.abstractmethod
-    def shell(self, rate: Scalar, duration: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
-        """Smallest and largest q that lie in the shell β_in ≤ V ≤ 1 at some θ ∈ [0, T]."""
+    def shell(self, rate: Scalar, begin: Scalar, end: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
+        """Smallest and largest q that lie in the shell β_in ≤ V ≤ 1 at some θ ∈ [begin, end]."""
 
     @abc.abstractmethod
-    def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
-        """The largest min(1, V/β̲)/σ(θ) over the θ ∈ [0, T] at which q lies in the shell: q̇ + timing u0 ≤ −λ drop."""
+    def drop(self, rate: Scalar, begin: Scalar, end: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
+        """The largest min(1, V/β̲)/σ(θ) over the θ ∈ [begin, end] at which q lies in the shell.
+
+        What is asked is q̇ + timing u0 ≤ −λ drop.
+        """
 
     @abc.abstractmethod
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
@@ -94,12 +98,11 @@ class Paper(Template):
     def timing(self, rate: Scalar, q: Scalar) -> Scalar:
         return rate + 0 * q
 
-    def shell(self, rate: Scalar, duration: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
-        change = rate * duration
-        return beta_inner - jnp.maximum(change, 0.0), 1 - jnp.minimum(change, 0.0)
+    def shell(self, rate: Scalar, begin: Scalar, end: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
+        return beta_inner - jnp.maximum(rate * begin, rate * end), 1 - jnp.minimum(rate * begin, rate * end)
 
-    def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
-        return jnp.minimum(1.0, (q + jnp.maximum(rate * duration, 0.0)) / beta_lower)
+    def drop(self, rate: Scalar, begin: Scalar, end: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
+        return jnp.minimum(1.0, (q + jnp.maximum(rate * begin, rate * end)) / beta_lower)
 
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
         # c0 T has to stay below β̲, or the shell would hold x = 0, where V̇ = c0 u0 > 0
@@ -130,12 +133,12 @@ class Contracting(Template):
     def timing(self, rate: Scalar, q: Scalar) -> Scalar:
         return rate * q
 
-    def shell(self, rate: Scalar, duration: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
-        end = jnp.exp(-rate * duration)
-        return beta_inner * jnp.minimum(end, 1.0), jnp.maximum(end, 1.0)
+    def shell(self, rate: Scalar, begin: Scalar, end: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
+        first, last = jnp.exp(-rate * begin), jnp.exp(-rate * end)
+        return beta_inner * jnp.minimum(first, last), jnp.maximum(first, last)
 
-    def drop(self, rate: Scalar, duration: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
-        return jnp.minimum(q / beta_lower, jnp.maximum(jnp.exp(-rate * duration), 1.0))
+    def drop(self, rate: Scalar, begin: Scalar, end: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
+        return jnp.minimum(q / beta_lower, jnp.maximum(jnp.exp(-rate * begin), jnp.exp(-rate * end)))
 
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
         return (-2.0 if may_grow else LEAST_CHANGE), 20.0

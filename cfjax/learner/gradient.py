@@ -5,17 +5,19 @@ anneal, hunt every candidate afresh, let the worst and mutually distant points o
 leaves is moved strictly inside (a)–(c) and falsified once more.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
 from cfjax.falsifier.duel import Particles, Schedule, duel, ridge_coordinates, spawn
-from cfjax.falsifier.falsifier import GROUP_SIZE, GROUPS, SEARCH, falsify, hunt, margin_scale
+from cfjax.falsifier.falsifier import GROUPS, SEARCH, Suspect, falsify, group_size, hunt, margin_scale
 from cfjax.funnel import Funnel, Template
-from cfjax.funnel.conditions import Instance, Unit, dual_coordinates, instance_of
-from cfjax.problem import Method, Problem, Segment, Tube
+from cfjax.funnel.conditions import chain_excess, dual_coordinates
+from cfjax.funnel.instance import Chain, Instance, Unit, chain_of
+from cfjax.problem import Method, Problem
 
 
 LEARN = Schedule(steps=1500, learning_rate=(0.06, 6e-4), temperature=(0.1, 7e-4), step=(0.1, 1e-3))
@@ -23,43 +25,56 @@ PROBE = Schedule(steps=200, step=(0.3, 1e-3))  # between rounds
 ROUNDS = 3
 FIRST_STEPS = (0.05, 0.05, 0.025)  # of the particles at the start of each round, at least
 KEPT_SHARE, KEPT_DISTANCE = 0.75, 0.03  # of the particles that go on to the next round
+NEAR_STATIONS = 16  # of all stations: so far apart along θ, particles are distant
 GAP = 1e-6  # relative, by which (a)–(c) hold in the end
+CENTRES = (0.5, 0.25, 0.1, 0.03, 0.75, 0.9)  # shares, in logarithms, of the way from I outwards
+
+
+Funnels = tuple[Funnel, ...]  # of the distinct segments of a path, in order
 
 
 @dataclass(frozen=True)
 class Learned:
-    """The best funnel found; `margin` is falsified (1/s), `excess` of (a)–(c) is below zero where they hold."""
+    """The best funnels found, one for each distinct segment; `margin` is falsified (1/s), the least of them.
 
-    funnel: Funnel
+    `excess` of (a)–(c) and of the links between funnels is below zero where they hold.
+    """
+
+    funnels: Funnels
     margin: float
     excess: float
     margins: tuple[float, ...]  # balanced, of all candidates, best first: their spread tells how sure the optimum is
     steps: int
 
+    @property
+    def funnel(self) -> Funnel:
+        """That of the first segment: all there is where every segment is alike."""
+        return self.funnels[0]
+
 
 def learn(
     problem: Problem,
-    segment: Segment | Tube,
     template: Template,
     *,
     beta_lower: float = 0.9,
     beta_inner: float | None = None,
     candidates: int = 4,
     seed: int = 0,
-    warm: Funnel | None = None,
-    counterexamples: Float[np.ndarray, "k n"] | None = None,
+    warm: Funnels | None = None,
+    counterexamples: Sequence[Suspect] = (),
     tracking: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Learned | None:
-    """The funnel of the largest falsified margin; None where no candidate satisfies (a)–(c).
+    """The funnels of the largest falsified margin along the whole path; None where no candidate satisfies (a)–(c).
 
-    Path following starts from the solution of trajectory tracking too (unless `tracking` is false), so that it is never
-    behind it. `warm` is a funnel to start from, `counterexamples` are deviations x that the particles of every
-    candidate start from.
+    The funnels of a chain are learned together: each one's end lies in the start of the next. Path following starts
+    from the solution of trajectory tracking too (unless `tracking` is false), so that it is never behind it. `warm` are
+    funnels to start from, `counterexamples` are points that the particles of every candidate start from.
     """
-    instance = instance_of(problem, segment, template, beta_lower, beta_inner, Unit.BALANCED)
+    chain = chain_of(problem, template, beta_lower, beta_inner, Unit.BALANCED)
+    duration = np.asarray(chain.funnels.duration)
     rng = np.random.default_rng(seed)
-    first = [funnel for funnel in (warm,) if funnel is not None]
+    first = [funnels for funnels in (warm,) if funnels is not None]
     steps = 0
     report = progress or (lambda done, of: None)
     tracking = tracking and problem.method is Method.PF
@@ -67,7 +82,6 @@ def learn(
     if tracking:
         tracked = learn(
             replace(problem, method=Method.TT),
-            segment,
             template,
             beta_lower=beta_lower,
             beta_inner=beta_inner,
@@ -76,170 +90,219 @@ def learn(
             progress=lambda done, of: report(done, passes),
         )
         if tracked is not None:
-            first.append(tracked.funnel)
+            first.append(tracked.funnels)
             steps += tracked.steps
 
-    factor, change = _starts(rng, candidates, instance, template)
-    for k, funnel in enumerate(first[:candidates]):
-        factor[k], change[k] = np.linalg.cholesky(np.linalg.inv(funnel.shape)), funnel.rate * float(instance.duration)
-    ridges = ridge_coordinates(problem.vehicle, instance)
-    particles = spawn(rng, candidates, GROUP_SIZE, ridges)
-    scale = margin_scale(problem.vehicle, template, instance, factor, change, particles)
-    if counterexamples is not None and warm is not None:
-        particles = _include(particles, *dual_coordinates(instance, warm, counterexamples))
+    factor, change = _starts(rng, candidates, chain, template)
+    for k, funnels in enumerate(first[:candidates]):
+        factor[k], rates = _unknowns(funnels)
+        change[k] = rates * duration
+    ridges = ridge_coordinates(problem.vehicle, chain)
+    shape, stations = (*change.shape, group_size(chain)), chain.funnels.begin.shape[1]
+    particles = spawn(rng, shape, ridges, stations)
+    scale = margin_scale(problem.vehicle, template, chain, factor, change, particles)
+    if counterexamples and warm is not None:
+        particles = _include(particles, chain, warm, counterexamples)
 
     for k in range(ROUNDS):
         part = LEARN.part(k, ROUNDS, FIRST_STEPS[k])
-        outcome = duel(problem.vehicle, template, instance, part, scale, factor, change, particles)
+        outcome = duel(problem.vehicle, template, chain, part, scale, factor, change, particles)
         factor, change, particles = outcome.factor, outcome.change, outcome.particles
         steps += part.steps
         if k < ROUNDS - 1:
-            found = hunt(problem.vehicle, template, instance, factor, change, rng, PROBE)
+            found = hunt(problem.vehicle, template, chain, factor, change, rng, PROBE)
             pools = (particles, found.particles)
-            particles = _merge(rng, pools, (outcome.margins, found.margins), ridges)
+            particles = _merge(rng, pools, (outcome.margins, found.margins), ridges, stations)
         report(passes - ROUNDS + k + 1, passes)
 
-    moved = (_inside(template, instance, segment, beta_inner, factor[i], change[i]) for i in range(candidates))
-    funnels = [funnel for funnel in moved if funnel]
+    inside = _Inside(problem, template, chain, beta_inner)
+    moved = (inside(factor[i], change[i]) for i in range(candidates))
+    found_ = [funnels for funnels in moved if funnels]
     # the starts compete too: annealing may lose what they had (never so far, but PF ≥ TT must not hang on it)
-    funnels += [funnel for funnel in first if _excess_of(instance, funnel) < 0]
-    if not funnels:
+    found_ += [funnels for funnels in first if _excess_of(chain, funnels) < 0]
+    if not found_:
         return None
-    quick = _quick_margins(problem, template, instance, funnels, rng)
-    return replace(_best(problem, segment, funnels, quick, seed), steps=steps)
+    quick = _quick_margins(problem, template, chain, found_, rng)
+    return replace(_best(problem, chain, found_, quick, seed), steps=steps)
+
+
+def _unknowns(funnels: Funnels) -> tuple[Float[np.ndarray, "f n n"], Float[np.ndarray, " f"]]:
+    """Factors L with C⁻¹ = L Lᵀ, and rates."""
+    factors = np.stack([np.linalg.cholesky(np.linalg.inv(funnel.shape)) for funnel in funnels])
+    return factors, np.array([funnel.rate for funnel in funnels])
 
 
 def _starts(
-    rng: np.random.Generator, count: int, instance: Instance, template: Template
-) -> tuple[Float[np.ndarray, "r n n"], Float[np.ndarray, " r"]]:
-    """Random candidates: axes log-uniform between I and what G and S allow at the end, mildly rotated."""
-    size = len(instance.inlet)
-    low, high = (float(bound) for bound in instance.change_bounds)
+    rng: np.random.Generator, count: int, chain: Chain, template: Template
+) -> tuple[Float[np.ndarray, "r f n n"], Float[np.ndarray, "r f"]]:
+    """Random candidates: axes log-uniform between I and what G and S allow at the end, mildly rotated.
+
+    All funnels of a candidate start alike, as if each had to lead from I to G.
+    """
+    first: Instance = jax.tree.map(lambda values: values[0], chain.funnels)
+    size, funnels = len(first.inlet), len(chain.funnels.duration)
+    low, high = (float(bound) for bound in first.change_bounds)
     change = np.clip(template.first_change(rng.uniform(size=count)), low, high)
     end = np.asarray(template.level(change, 1.0))[:, None]
-    wide = np.maximum(np.minimum(instance.goal / np.sqrt(end), instance.safe) / instance.inlet, 1.05)
+    wide = np.maximum(np.minimum(first.goal / np.sqrt(end), first.safe) / first.inlet, 1.05)
     turn, _ = np.linalg.qr(np.eye(size) + 0.3 * rng.normal(size=(count, size, size)))
     axes = turn * (wide ** rng.uniform(0.05, 0.95, (count, size)))[:, None, :]
-    factor = np.asarray(instance.inlet)[:, None] * np.linalg.cholesky(axes @ axes.transpose(0, 2, 1))
-    return factor * np.asarray(instance.coupling), change
+    factor = np.asarray(first.inlet)[:, None] * np.linalg.cholesky(axes @ axes.transpose(0, 2, 1))
+    factor = factor * np.asarray(first.coupling)
+    return np.repeat(factor[:, None], funnels, axis=1), np.repeat(change[:, None], funnels, axis=1)
 
 
-def _include(particles: Particles, w: np.ndarray, s: np.ndarray) -> Particles:
+def _include(particles: Particles, chain: Chain, warm: Funnels, suspects: Sequence[Suspect]) -> Particles:
     """Put given points, free to move, in the place of the first particles of every candidate."""
-    count = min(len(w), particles.points.shape[1])
-    points, free = particles.points.copy(), particles.free.copy()
-    points[:, :count] = np.concatenate([w, s[:, None]], axis=1)[:count]
-    free[:, :count] = 1.0
-    return Particles(points, free)
+    points, free, station = (values.copy() for values in particles)
+    for index, funnel in enumerate(warm):
+        own = [suspect for suspect in suspects if suspect.segment == index][: points.shape[2]]
+        if not own:
+            continue
+        instance = jax.tree.map(lambda values, index=index: values[index], chain.funnels)
+        at = np.array([int(np.argmin(np.abs(instance.begin - suspect.theta))) for suspect in own])
+        w, s = dual_coordinates(instance, funnel, np.array([suspect.x for suspect in own]), at)
+        points[:, index, : len(own)] = np.concatenate([w, s[:, None]], axis=1)
+        free[:, index, : len(own)] = 1.0
+        station[:, index, : len(own)] = at
+    return Particles(points, free, station)
 
 
 def _merge(
-    rng: np.random.Generator, pools: tuple[Particles, ...], margins: tuple[np.ndarray, ...], ridges: np.ndarray
+    rng: np.random.Generator,
+    pools: tuple[Particles, ...],
+    margins: tuple[np.ndarray, ...],
+    ridges: np.ndarray,
+    stations: int,
 ) -> Particles:
-    """For each candidate the worst, mutually distant points of the pools; the others fresh."""
-    candidates, count = margins[0].shape
-    points, free = spawn(rng, candidates, count, ridges)
-    for i in range(candidates):
+    """For each funnel of each candidate the worst, mutually distant points of the pools; the others fresh."""
+    shape = margins[0].shape
+    points, free, station = spawn(rng, shape, ridges, stations)
+    for i in np.ndindex(*shape[:2]):
         order = np.argsort(np.concatenate([m[i] for m in margins]))
         pool = np.concatenate([p.points[i] for p in pools])[order]
         masks = np.concatenate([p.free[i] for p in pools])[order]
+        places = np.concatenate([p.station[i] for p in pools])[order]
         near = np.linalg.norm(pool[:, None] - pool[None], axis=-1) < KEPT_DISTANCE
+        near &= np.abs(places[:, None] - places[None]) <= stations // NEAR_STATIONS
         dropped, kept = np.zeros(len(order), bool), []
         for j in range(len(order)):
-            if not dropped[j] and len(kept) < int(KEPT_SHARE * count):
+            if not dropped[j] and len(kept) < int(KEPT_SHARE * shape[2]):
                 kept.append(j)
                 dropped |= near[j]
-        points[i, : len(kept)], free[i, : len(kept)] = pool[kept], masks[kept]
-    return Particles(points, free)
+        points[i][: len(kept)], free[i][: len(kept)], station[i][: len(kept)] = pool[kept], masks[kept], places[kept]
+    return Particles(points, free, station)
 
 
-def _excess(instance: Instance, inverse: Float[np.ndarray, "n n"], end: float) -> float:
-    """Largest relative excess of (a), (b), (c) for C⁻¹ and ρ(T): below zero where they hold."""
-
-    def spectrum(axes: np.ndarray) -> np.ndarray:
-        return np.linalg.eigvalsh(inverse / np.outer(axes, axes))
-
-    box = (np.diag(inverse) / np.asarray(instance.safe) ** 2).max() * max(end, 1.0)
-    return float(
-        max(1 - spectrum(np.asarray(instance.inlet))[0], spectrum(np.asarray(instance.goal))[-1] * end - 1, box - 1)
-    )
+def _excess(template: Template, chain: Chain, inverses: Float[np.ndarray, "f n n"], rates: np.ndarray) -> float:
+    """Largest relative excess of (a), (b), (c) and the links, for C⁻¹ and rates: below zero where they hold."""
+    return float(_compiled_excess(template, chain, np.linalg.cholesky(inverses), rates).max())
 
 
-def _excess_of(instance: Instance, funnel: Funnel) -> float:
-    return _excess(instance, np.linalg.inv(funnel.shape), funnel.end_level)
+_compiled_excess = jax.jit(chain_excess, static_argnums=0)
 
 
-def _inside(
-    template: Template,
-    instance: Instance,
-    segment: Segment | Tube,
-    beta_inner: float | None,
-    factor: Float[np.ndarray, "n n"],
-    change: float,
-) -> Funnel | None:
-    """The candidate moved strictly inside (a)–(c) at the same rate; None where there is no room.
+def _excess_of(chain: Chain, funnels: Funnels) -> float:
+    factors, rates = _unknowns(funnels)
+    return _excess(funnels[0].template, chain, factors @ factors.transpose(0, 2, 1), rates)
 
-    For a given rate the conditions are linear matrix inequalities in C⁻¹, so the least blend with an ellipsoid that is
-    well inside all of them is found by bisection.
+
+@dataclass(frozen=True)
+class _Inside:
+    """Candidates moved strictly inside (a)–(c) and the links at the same rates; None where there is no room.
+
+    For given rates the conditions on C⁻¹ are convex (linear matrix inequalities, and half-planes with one normal), so
+    the least blend with ellipsoids that are well inside all of them is found by bisection.
     """
-    if not (np.isfinite(factor).all() and np.isfinite(change)):
+
+    problem: Problem
+    template: Template
+    chain: Chain
+    beta_inner: float | None
+
+    def __call__(self, factor: Float[np.ndarray, "f n n"], change: Float[np.ndarray, " f"]) -> Funnels | None:
+        if not (np.isfinite(factor).all() and np.isfinite(change).all()):
+            return None
+        numbers = self.chain.funnels
+        change = np.clip(change, *numbers.change_bounds)
+        rates = change / np.asarray(numbers.duration)
+        inverses = factor @ factor.transpose(0, 2, 1)
+        share = 0.0
+        if self._broken(inverses, rates):
+            centre = self._centre(rates)
+            if centre is None:
+                return None
+            bottom, share = 0.0, 1.0
+            for _ in range(40):
+                middle = 0.5 * (bottom + share)
+                good = not self._broken((1 - middle) * inverses + middle * centre, rates)
+                bottom, share = (bottom, middle) if good else (middle, share)
+            inverses = (1 - share) * inverses + share * centre
+        shapes = np.linalg.inv(inverses)
+        beta_lower = float(np.asarray(numbers.beta_lower)[0])
+        return tuple(
+            Funnel(self.template, 0.5 * (shape + shape.T), rate, segment.duration, beta_lower, self.beta_inner)
+            for shape, rate, segment in zip(shapes, map(float, rates), self.problem.path.distinct, strict=True)
+        )
+
+    def _broken(self, inverses: Float[np.ndarray, "f n n"], rates: np.ndarray) -> bool:
+        return _excess(self.template, self.chain, inverses, rates) > -GAP
+
+    def _centre(self, rates: Float[np.ndarray, " f"]) -> Float[np.ndarray, "f n n"] | None:
+        """Ellipsoids strictly inside: one and the same for all, between I and what G and S allow at these rates."""
+        numbers = self.chain.funnels
+        inlet, goal, safe = (np.asarray(values)[0] for values in (numbers.inlet, numbers.goal, numbers.safe))
+        levels = np.array([self.template.level(rate, t) for rate, t in zip(rates, numbers.duration, strict=True)])
+        end = float(levels[np.asarray(numbers.ends) > 0].max())
+        if not end > 0:
+            return None
+        outer = np.minimum(goal**2 / end, safe**2 / max(levels.max(), 1.0))
+        for share in CENTRES:
+            centre = np.diag(outer**share * (inlet**2) ** (1 - share))
+            found = np.repeat(centre[None], len(rates), axis=0)
+            if not self._broken(found, rates):
+                return found
         return None
-    low, high = (float(bound) for bound in instance.change_bounds)
-    change = float(np.clip(change, low, high))
-    duration = float(instance.duration)
-    end = float(template.level(change, 1.0))
-    inverse = factor @ factor.T
-    outer = np.minimum(np.asarray(instance.goal) ** 2 / end, np.asarray(instance.safe) ** 2 / max(end, 1.0))
-    centre = np.diag(np.sqrt(outer) * np.asarray(instance.inlet))
-    if _excess(instance, centre, end) > -GAP:
-        return None
-    share = 0.0
-    if _excess(instance, inverse, end) > -GAP:
-        bottom, share = 0.0, 1.0
-        for _ in range(40):
-            middle = 0.5 * (bottom + share)
-            good = _excess(instance, (1 - middle) * inverse + middle * centre, end) <= -GAP
-            bottom, share = (bottom, middle) if good else (middle, share)
-    shape = np.linalg.inv((1 - share) * inverse + share * centre)
-    beta_lower = float(instance.beta_lower)
-    return Funnel(template, 0.5 * (shape + shape.T), change / duration, segment.duration, beta_lower, beta_inner)
 
 
 def _quick_margins(
-    problem: Problem, template: Template, instance: Instance, funnels: list[Funnel], rng: np.random.Generator
+    problem: Problem, template: Template, chain: Chain, candidates: list[Funnels], rng: np.random.Generator
 ) -> list[float]:
     """Falsified margins of all candidates, one hunt each, in groups of the falsifier's own shape."""
     margins: list[float] = []
-    for k in range(0, len(funnels), GROUPS):
-        some = funnels[k : k + GROUPS]
+    for k in range(0, len(candidates), GROUPS):
+        some = candidates[k : k + GROUPS]
         padded = some + some[-1:] * (GROUPS - len(some))
-        factor = np.stack([np.linalg.cholesky(np.linalg.inv(funnel.shape)) for funnel in padded])
-        change = np.array([funnel.rate * float(instance.duration) for funnel in padded])
-        found = hunt(problem.vehicle, template, instance, factor, change, rng, SEARCH)
-        margins += list(found.margins.min(axis=1))[: len(some)]
+        factor, rates = (np.stack(each) for each in zip(*map(_unknowns, padded), strict=True))
+        found = hunt(problem.vehicle, template, chain, factor, rates * np.asarray(chain.funnels.duration), rng, SEARCH)
+        margins += list(found.margins.min(axis=(1, 2)))[: len(some)]
     return margins
 
 
-def _best(problem: Problem, segment: Segment | Tube, funnels: list[Funnel], quick: list[float], seed: int) -> Learned:
+def _best(problem: Problem, chain: Chain, candidates: list[Funnels], quick: list[float], seed: int) -> Learned:
     """The candidate of the largest margin after a thorough search; one that loses by it gives way to the next."""
 
-    def falsified(funnel: Funnel, unit: Unit) -> float:
-        points = falsify(problem, segment, funnel, seed=seed + 1, unit=unit)
-        return next(point.slack for point in points if point.condition == "d")
+    def falsified(funnels: Funnels, unit: Unit) -> float:
+        found = [
+            point.slack
+            for segment, funnel in zip(problem.path.distinct, funnels, strict=True)
+            for point in falsify(problem, segment, funnel, seed=seed + 1, unit=unit)
+            if point.condition == "d"
+        ]
+        return min(found)
 
-    instance = instance_of(problem, segment, funnels[0].template, funnels[0].beta_lower)
     margins = np.array(quick)
-    searched = np.zeros(len(funnels), bool)
+    searched = np.zeros(len(candidates), bool)
     best = int(margins.argmax())
     while not searched[best]:
-        margins[best], searched[best] = min(margins[best], falsified(funnels[best], Unit.BALANCED)), True
+        margins[best], searched[best] = min(margins[best], falsified(candidates[best], Unit.BALANCED)), True
         best = int(margins.argmax())
     # balanced margins are margins in 1/s where there is one speed
-    several = isinstance(segment, Tube) and segment.speed.half > 0
+    several = bool(np.ptp(np.asarray(chain.funnels.unit)) > 0)
     return Learned(
-        funnel=funnels[best],
-        margin=falsified(funnels[best], Unit.SECOND) if several else float(margins[best]),
-        excess=_excess_of(instance, funnels[best]),
+        funnels=candidates[best],
+        margin=falsified(candidates[best], Unit.SECOND) if several else float(margins[best]),
+        excess=_excess_of(chain, candidates[best]),
         margins=tuple(float(m) for m in sorted(margins, reverse=True)),
         steps=0,
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from cfjax.funnel import LATERAL, Objective, Template, lateral_half_width
 from cfjax.learner.gradient import Learned, learn
-from cfjax.problem import Box, Ellipsoid, Problem, Segment, Tube
+from cfjax.problem import Box, Ellipsoid, Problem
 
 
 STEPS = 8  # of a bisection
@@ -26,34 +26,33 @@ def learn_for(
     objective: Objective,
     target: float | None,
     problem: Problem,
-    segment: Segment | Tube,
     template: Template,
     *,
     progress: Callable[[int, int], None] | None = None,
     **options: Any,
 ) -> tuple[Problem, Learned | None]:
-    """The funnel that is best for the objective at a falsified margin of `target` (1/s), and the problem it solves.
+    """The funnels that are best for the objective at a falsified margin of `target` (1/s), and the problem it solves.
 
     The problem is the one given but for `inlet`, which enlarges I. Where the target is out of reach the funnel of the
     largest margin comes back. `options` are those of `cfjax.learner.gradient.learn`.
     """
     report = progress or (lambda done, of: None)
     steps = 0 if target is None else STEPS
-    first = learn(problem, segment, template, progress=lambda done, of: report(done, of + steps), **options)
+    first = learn(problem, template, progress=lambda done, of: report(done, of + steps), **options)
     if target is None or first is None or first.margin < target:
         return problem, first
     options = {name: value for name, value in options.items() if name not in ("warm", "counterexamples")}
     if objective.kind == "width":
         low, high = problem.inlet.half_axes[LATERAL], _lateral(first)
     else:
-        low, high = 1.0, _most(problem, segment)
+        low, high = 1.0, _most(problem)
     best = problem, first
     for step in range(STEPS):
         if high / low < CLOSE:
             break
         middle = math.sqrt(low * high)
         asked = _narrowed(problem, middle) if objective.kind == "width" else _widened(problem, middle)
-        found = learn(asked, segment, template, warm=best[1].funnel, tracking=False, **options)
+        found = learn(asked, template, warm=best[1].funnels, tracking=False, **options)
         good = found is not None and found.margin >= target
         if found is not None and good:
             best = (problem if objective.kind == "width" else asked), found
@@ -66,7 +65,7 @@ def learn_for(
 
 
 def _lateral(learned: Learned) -> float:
-    return lateral_half_width(learned.funnel)
+    return max(map(lateral_half_width, learned.funnels))
 
 
 def _narrowed(problem: Problem, half_width: float) -> Problem:
@@ -80,11 +79,11 @@ def _widened(problem: Problem, scale: float) -> Problem:
     return replace(problem, inlet=Ellipsoid(tuple(scale * axis for axis in problem.inlet.half_axes)))
 
 
-def _most(problem: Problem, segment: Segment | Tube) -> float:
+def _most(problem: Problem) -> float:
     """A scale of I at which it is no question any more: I would reach G (of a tube), S or the wrap of the heading."""
     inlet = np.array(problem.inlet.half_axes)
     limits = [np.array(problem.safe.half_widths) / inlet] if problem.safe else []
-    if isinstance(segment, Tube):
+    if problem.path.tube:
         limits.append(np.array(problem.goal.half_axes) / inlet)
     limits.append(np.array([math.pi / inlet[0], WIDEST_INLET]))
     return float(min(limit.min() for limit in limits)) * (1 - 1e-6)

@@ -6,7 +6,7 @@ stands here; no other place writes the dynamics, the path or the sets a second t
 
 from cfjax.problem.curves import ellipse, figure_eight, obstacle_path, oval, slalom
 from cfjax.problem.deviation import affine_deviation, deviation_rate
-from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon
+from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, disc_centres, distances
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
 from cfjax.problem.sets import Box, Ellipsoid, ball
@@ -39,6 +39,8 @@ __all__ = [
     "ball",
     "circle",
     "deviation_rate",
+    "disc_centres",
+    "distances",
     "ellipse",
     "figure_eight",
     "mirror_signs",

@@ -139,7 +139,24 @@ class Path:
         """The segments of a path that has a course; none for a tube."""
         return tuple(segment for segment in self.segments if isinstance(segment, Segment))
 
+    @cached_property
+    def kinds(self) -> tuple[int, ...]:
+        """For each segment, which of the `distinct` ones it repeats: in the body frame that is the same problem."""
+        found: list[Segment | Tube] = []
+        kinds = []
+        for segment in self.segments:
+            same = (k for k, other in enumerate(found) if _is_repeated(segment, other))
+            kind = next(same, len(found))
+            found += [segment] if kind == len(found) else []
+            kinds.append(kind)
+        return tuple(kinds)
+
     @property
+    def distinct(self) -> tuple[Segment | Tube, ...]:
+        """The segments that no earlier one equals in turning rate and speed."""
+        return tuple(self.segments[self.kinds.index(kind)] for kind in range(max(self.kinds) + 1))
+
+    @cached_property
     def closed(self) -> bool:
         """Whether its end meets its start, in pose and speed: the same lap can be driven again."""
         curve = self.curve
@@ -150,13 +167,19 @@ class Path:
         turn = alpha - first.start.alpha
         apart = (turn - 2 * np.pi * round(turn / (2 * np.pi)), x - first.start.x, y - first.start.y)
         speed = last.point(last.duration).speed - first.point(0.0).speed
-        return max(map(abs, apart)) <= MEETS and abs(speed) <= MEETS
+        return bool(max(map(abs, apart)) <= MEETS and abs(speed) <= MEETS)
 
     @property
     def tube(self) -> Tube | None:
         """The tube, where the path is one: every path within its bounds."""
         first = self.segments[0]
         return first if isinstance(first, Tube) else None
+
+
+def _is_repeated(segment: Segment | Tube, other: Segment | Tube) -> bool:
+    if isinstance(segment, Segment) and isinstance(other, Segment):
+        return segment.turn_rate == other.turn_rate and segment.speed == other.speed
+    return segment == other
 
 
 def _positive(owner: str, **values: float) -> None:

@@ -33,8 +33,11 @@ class Pieces(NamedTuple):
             return jnp.zeros(theta.shape, int)
         return jnp.clip(jnp.searchsorted(self.begin, theta, side="right") - 1, 0, self.begin.shape[0] - 1)
 
-    def at(self, piece: Int[Array, " k"], theta: Float[Array, " k"]) -> list[tuple[Array, Array]]:
-        """Value and slope of each column at θ by the polynomials of the given pieces, also outside them."""
+    def at(self, piece: Int[Array | np.ndarray, " k"], theta: Float[Array | np.ndarray, " k"]) -> list[tuple]:
+        """Value and slope of each column at θ by the polynomials of the given pieces, also outside them.
+
+        NumPy's arrays give NumPy's.
+        """
         # one piece for all is no look-up, and what is constant stays a scalar until it is used
         row = 0 if self.begin.shape[0] == 1 else piece
         return [
@@ -138,7 +141,9 @@ def poses_of(path: Path) -> Pieces:
     return _joined([_pose_cubics(segment) for segment in path.curve], _since(path))
 
 
-def point_at(profiles: Pieces, piece: Int[Array, " k"], theta: Float[Array, " k"]) -> ReferencePoint:
+def point_at(
+    profiles: Pieces, piece: Int[Array | np.ndarray, " k"], theta: Float[Array | np.ndarray, " k"]
+) -> ReferencePoint:
     """The reference points at θ (s), by the profiles of the given pieces."""
     (omega, omega_slope), (v, v_slope) = profiles.at(piece, theta)
     return ReferencePoint(omega, v, omega_slope, v_slope)

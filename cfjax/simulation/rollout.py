@@ -194,7 +194,7 @@ def _jumps(profiles: Pieces) -> Float[np.ndarray, " j"]:
     """θ (s) at which turning rate, speed or acceleration of the path jump."""
     begin = np.asarray(profiles.begin)
     before, after = np.arange(len(begin) - 1), np.arange(1, len(begin))
-    sides = [point_at(profiles, jnp.asarray(piece), jnp.asarray(begin[1:])) for piece in (before, after)]
+    sides = [point_at(profiles, piece, begin[1:]) for piece in (before, after)]
     jumps = np.zeros(len(before), bool)
     for name in ("turn_rate", "speed", "speed_slope") if len(before) else ():
         left, right = (np.asarray(getattr(side, name)) for side in sides)
@@ -204,6 +204,7 @@ def _jumps(profiles: Pieces) -> Float[np.ndarray, " j"]:
 
 def _legs(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
     """The legs as arrays, with the step of each."""
+    profiles = jax.tree.map(np.asarray, profiles)  # few numbers, once: nothing to compile for
     ends = np.array([0.0, *(leg.end for leg in legs)])
     margin = MEETS * ends[-1]  # an end and the break that it stands for may be computed in two ways
     pieces, jumps = np.asarray(profiles.begin), _jumps(profiles)
@@ -232,8 +233,8 @@ def _step(
     length. Looked at in the middle and at both ends of the path's pieces, which lie between `ends`.
     """
     rows = [
-        np.stack([np.broadcast_to(field, piece.shape) for field in point_at(profiles, jnp.asarray(piece), at)], axis=1)
-        for at in map(jnp.asarray, (ends[:-1], 0.5 * (ends[1:] + ends[:-1]), ends[1:]))
+        np.stack([np.broadcast_to(field, piece.shape) for field in point_at(profiles, piece, at)], axis=1)
+        for at in (ends[:-1], 0.5 * (ends[1:] + ends[:-1]), ends[1:])
     ]
     points = {ReferencePoint(*map(float, row)) for row in np.concatenate(rows)}
     heading = float(np.sqrt(np.linalg.inv(funnel.shape)[0, 0]))

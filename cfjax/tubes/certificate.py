@@ -9,6 +9,7 @@ from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
 from cfjax.check.reference import CertifiedTube
 from cfjax.errors import InputError
+from cfjax.exact import write_pieces
 from cfjax.tubes.follow import Following
 
 
@@ -31,15 +32,7 @@ def chain_document(following: Following) -> dict[str, Any]:
             "name": following.path.name,
             "closed": following.closed,
             "start": [str(rational(float(value))) for value in following.path.curve[0].start],
-            "pieces": [
-                {
-                    "segment": piece.segment,
-                    "duration": str(piece.duration),
-                    "turn_rate": [str(c) for c in piece.turn_rate],
-                    "speed": [str(c) for c in piece.speed],
-                }
-                for piece in following.reference.pieces
-            ],
+            "pieces": write_pieces(following.reference.pieces),
         },
         "tubes": [_tube(tube) for tube in tubes],
         "runs": [{"end": run.end, "tube": tubes.index(run.tube)} for run in following.runs],

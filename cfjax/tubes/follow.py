@@ -27,7 +27,6 @@ from cfjax.check.reference import (
     Piece,
     Reference,
     Run,
-    StatedProfile,
     StatedSegment,
     exact_reference,
     hands_over,
@@ -36,6 +35,7 @@ from cfjax.check.reference import (
     prove_chain,
 )
 from cfjax.errors import InputError
+from cfjax.exact import stated
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.problem.path import Path, Pose, Profile, Segment
 from cfjax.tubes.store import library
@@ -181,8 +181,8 @@ def follow(
 def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Following:
     if path.tube:
         raise InputError(f"path {path.name}: expected segments, got a tube: it has no course to follow")
-    stated = [_stated(segment) for segment in path.curve]
-    reference = _cut(exact_reference(stated))
+    statements = [stated(segment) for segment in path.curve]
+    reference = _cut(exact_reference(statements))
     pieces = reference.pieces
     bounds = {(tube.curvature, tube.speed, tube.acceleration): tube for tube in tubes}  # widths share them
     inside = {key: [piece.inside(tube) for piece in pieces] for key, tube in bounds.items()}
@@ -203,7 +203,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
     earliest = sum((duration / fast for (_, fast), duration in times), fmpq(0))
     latest = sum((duration / slow for (slow, _), duration in times), fmpq(0))
     return Following(
-        path=_certified_path(path.name, path.curve, stated, reference),
+        path=_certified_path(path.name, path.curve, statements, reference),
         reference=reference,
         tubes=_stretches(pieces, runs),
         links=tuple(
@@ -240,22 +240,7 @@ def _shown(value: float, rounding: str = ROUND_CEILING) -> str:
     return f"{float(Context(prec=SHOWN_DIGITS, rounding=rounding).create_decimal(value)):.{SHOWN_DIGITS}g}"
 
 
-# --- the path, to exact numbers and back
-
-
-def _stated(segment: Segment) -> StatedSegment:
-    alpha, x, y = (rational(float(value)) for value in segment.start)
-    breaks = _exact(segment.turn_rate.breaks)
-    same = segment.turn_rate.breaks == segment.speed.breaks
-    return StatedSegment(
-        StatedProfile(breaks, tuple(map(_exact, segment.turn_rate.coefficients))),
-        StatedProfile(breaks if same else _exact(segment.speed.breaks), tuple(map(_exact, segment.speed.coefficients))),
-        (alpha, x, y),
-    )
-
-
-def _exact(numbers: Sequence[float]) -> tuple[fmpq, ...]:
-    return tuple(rational(float(number)) for number in numbers)
+# --- the path, cut, and back to floating-point numbers
 
 
 def _cut(reference: Reference) -> Reference:
@@ -272,12 +257,12 @@ def _cut(reference: Reference) -> Reference:
 
 
 def _certified_path(
-    name: str, segments: Sequence[Segment], stated: Sequence[StatedSegment], reference: Reference
+    name: str, segments: Sequence[Segment], statements: Sequence[StatedSegment], reference: Reference
 ) -> Path:
     """The path with integrated start poses and continuous speeds, rounded to floating-point numbers."""
     constants = {(piece.segment, piece.theta): piece.speed[0] for piece in reference.pieces}
     result = []
-    for index, (segment, exact) in enumerate(zip(segments, stated, strict=True)):
+    for index, (segment, exact) in enumerate(zip(segments, statements, strict=True)):
         speed, coefficients = segment.speed, []
         for own, at, (meant, *_) in zip(
             speed.coefficients, exact.speed.breaks[:-1], exact.speed.coefficients, strict=True

@@ -29,7 +29,7 @@ def test_schedule_parts_join() -> None:
 def test_learned_funnel_satisfies_the_containments(template) -> None:
     problem = Problem(circle(radius=2.0, speed=1.0), inlet=Ellipsoid((0.3, 0.4, 0.4, 0.3)), goal=ball(0.45), safe=S)
     segment = problem.path.segments[0]
-    learned = learn(problem, segment, template, seed=3)
+    learned = learn(problem, template, seed=3)
     assert learned is not None and learned.margin > 0 > learned.excess
     shape, end = learned.funnel.shape, float(learned.funnel.level(segment.duration))
     assert np.linalg.eigvalsh(problem.inlet.shape - shape).min() > 0  # (a)
@@ -40,14 +40,14 @@ def test_learned_funnel_satisfies_the_containments(template) -> None:
 def test_one_program_serves_every_path_and_method() -> None:
     template, sizes = TEMPLATES["paper"], []
     for problem in (Problem(circle(), safe=S), Problem(straight(), method=Method.TT), Problem(circle(speed=3.0))):
-        learn(problem, problem.path.segments[0], template)
+        learn(problem, template)
         sizes.append(_program(problem.vehicle, template)._cache_size())
     assert sizes[0] == sizes[1] == sizes[2]
 
 
 def test_same_seed_same_funnel() -> None:
     problem = Problem(straight(), safe=S, method=Method.TT)
-    first, second = (learn(problem, problem.path.segments[0], TEMPLATES["paper"], seed=5) for _ in range(2))
+    first, second = (learn(problem, TEMPLATES["paper"], seed=5) for _ in range(2))
     assert first is not None and second is not None
     np.testing.assert_array_equal(first.funnel.shape, second.funnel.shape)
     assert first.margin == second.margin
@@ -56,4 +56,4 @@ def test_same_seed_same_funnel() -> None:
 def test_no_room_is_said() -> None:
     """G inside I by more than a funnel of this template may shrink: (b) cannot hold."""
     problem = Problem(straight(), inlet=ball(0.5), goal=ball(1e-3), safe=S, method=Method.TT)
-    assert learn(problem, problem.path.segments[0], TEMPLATES["paper"]) is None
+    assert learn(problem, TEMPLATES["paper"]) is None

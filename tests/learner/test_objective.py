@@ -19,7 +19,7 @@ SMALL = Problem(tube(1.8, 2.0), inlet=ball(0.05), goal=ball(0.25), method=Method
 
 
 def learned(problem: Problem, **options: float) -> Learned:
-    found = learn(problem, problem.path.segments[0], TEMPLATE, **options)
+    found = learn(problem, TEMPLATE, **options)
     assert found is not None
     return found
 
@@ -54,7 +54,7 @@ def test_speed_does_not_matter_to_path_following() -> None:
     assert per_metre(wide, found) >= 0.95 * learned(replace(wide, path=tube(1.8, 1.0))).margin
     assert np.abs(found.funnel.shape[:2, 2:]).max() == 0  # its own mirror image
     tracking = replace(wide, method=Method.TT)
-    followed = learn(tracking, segment, TEMPLATE)
+    followed = learn(tracking, TEMPLATE)
     assert followed is not None
     assert per_metre(tracking, followed) < 0.1
 
@@ -75,7 +75,7 @@ def test_asymmetric_tubes_are_learned_for_both_ends() -> None:
 def test_width_is_the_least_that_has_the_margin() -> None:
     target = 0.9 * learned(SMALL).margin
     options = {"candidates": 4}
-    problem, found = learn_for(Objective("width", target), target, SMALL, SMALL.path.segments[0], TEMPLATE, **options)
+    problem, found = learn_for(Objective("width", target), target, SMALL, TEMPLATE, **options)
     assert found is not None and problem == SMALL
     assert found.margin >= target
     holds(problem, found)
@@ -83,13 +83,13 @@ def test_width_is_the_least_that_has_the_margin() -> None:
     assert 0.05 < width < lateral_half_width(learned(SMALL).funnel)
     # a narrower tube with that margin is not found: the margin falls with the width
     closer = replace(SMALL, safe=None, goal=Ellipsoid((0.25, 0.98 * width, 0.25, 0.25)))
-    narrow = learn(closer, closer.path.segments[0], TEMPLATE)
+    narrow = learn(closer, TEMPLATE)
     assert narrow is None or narrow.margin < 1.01 * target
 
 
 def test_inlet_grows_until_the_margin_is_used_up() -> None:
     target = 0.5 * learned(SMALL).margin
-    problem, found = learn_for(Objective("inlet", target), target, SMALL, SMALL.path.segments[0], TEMPLATE)
+    problem, found = learn_for(Objective("inlet", target), target, SMALL, TEMPLATE)
     assert found is not None
     assert problem.inlet.half_axes[0] > 0.06
     assert len(set(problem.inlet.half_axes)) == 1 and problem.goal == SMALL.goal
@@ -98,7 +98,7 @@ def test_inlet_grows_until_the_margin_is_used_up() -> None:
 
 
 def test_a_margin_out_of_reach_gives_the_largest() -> None:
-    problem, found = learn_for(Objective("width", 1e3), 1e3, SMALL, SMALL.path.segments[0], TEMPLATE)
+    problem, found = learn_for(Objective("width", 1e3), 1e3, SMALL, TEMPLATE)
     assert problem == SMALL and found is not None
     assert found.margin == pytest.approx(learned(SMALL).margin, rel=1e-6)
 

@@ -18,7 +18,7 @@ def test_suspects_are_the_worst_points_and_reach_the_learner() -> None:
     problem = problem_of(preset("circle", ["method=tt"]))
     (segment,) = problem.path.segments
     template = TEMPLATES["paper"]
-    learned = learn(problem, segment, template)
+    learned = learn(problem, template)
     assert learned is not None
     found = certify(problem, [learned.funnel])
     (funnel,) = found.funnels
@@ -37,6 +37,6 @@ def test_suspects_are_the_worst_points_and_reach_the_learner() -> None:
     np.testing.assert_allclose(with_suspects.points[1, : len(w), :-1], w)
     assert (with_suspects.free[:, : len(w)] == 1).all()
     np.testing.assert_array_equal(with_suspects.points[:, len(w) :], particles.points[:, len(w) :])
-    again = learn(problem, segment, template, warm=funnel, counterexamples=suspects)
+    again = learn(problem, template, warm=funnel, counterexamples=suspects)
     assert again is not None
     assert again.margin >= 0.99 * learned.margin

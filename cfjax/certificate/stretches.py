@@ -1,0 +1,460 @@
+"""Condition (d) along one segment or tube: stretches of θ, proven cell by cell, halved where they prove too little.
+
+A stretch is proven for bounds of curvature, speed and acceleration that hold along it, at the levels that the funnel
+has there. The longer it is, the more is asked, and the fewer programs there are to solve: one stretch is tried first,
+and cut where its margin falls short of the target.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from flint import fmpq, fmpq_mpoly
+
+from cfjax.certificate.fit import enclose
+from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
+from cfjax.certificate.sos import SosSolution, solve
+from cfjax.certificate.writing import Gram, write_funnel, write_stretch
+from cfjax.check.decrease import Cell, CellProof, Exponents, Matrix, SteadyDecrease, level_pieces
+from cfjax.check.document import CellKey, unpack_triangle
+from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.graph import Graph
+from cfjax.check.proof import extremes_of, signs_text
+from cfjax.check.rational import decimal_text, rational
+from cfjax.check.reader import Broken
+from cfjax.check.reference import Piece, between
+from cfjax.check.symbolic import symbolic
+from cfjax.check.tube import TubeClaim, place_of
+from cfjax.falsifier import Suspect
+from cfjax.funnel import Funnel
+from cfjax.problem import Problem, Segment, Tube
+from cfjax.verdict import Verdict
+
+
+PADDINGS = (1e-7, 1e-6, 1e-5, 1e-4)  # of the largest Gram entry; tried in this order until the proof holds
+SUSPECT_CELLS = 4  # the worst ones, of which the learner hears
+MARGIN_BITS = 40  # of the margins that the document claims: rounded down
+USABLE = ("optimal",)
+HINT_ONLY = ("optimal_inaccurate",)  # Clarabel's AlmostSolved: no solution, but the exact replay may like it
+
+MOST_HALVINGS = 6  # of a segment
+PATIENCE, LEAST_GAIN = 3, 1.003  # a margin that so many halvings do not raise is not limited by the stretch's length
+SAMPLES = 256  # of a stretch, in which bounds are looked for
+BOUND_BITS = 20  # of these bounds
+SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider than the samples
+BY_THETA = 0.4  # share of θ, beside that of the curvature's variation, in where a stretch is cut
+
+Progress = Callable[[str, int, int], None]
+Bounds = tuple[fmpq, fmpq]
+
+
+@dataclass(frozen=True)
+class RoundedFunnel:
+    """A funnel whose numbers are short rationals and floating-point numbers at once."""
+
+    funnel: Funnel
+    shape: Matrix
+    rate: fmpq
+    beta_lower: fmpq
+    beta_inner: fmpq
+
+    def write(self, margin: fmpq, margin_per_metre: fmpq | None) -> dict[str, Any]:
+        levels = self.beta_lower, self.beta_inner
+        return write_funnel(self.funnel.template.name, self.shape, self.rate, levels, margin, margin_per_metre)
+
+
+def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
+    """C and rate moved by about a part in 1e9; the duration is the segment's."""
+    shape, rate = round_shape(funnel.shape), round_rate(funnel.rate)
+    same = replace(
+        funnel,
+        shape=np.array([[float(entry) for entry in row] for row in shape]),
+        rate=float(rate),
+        duration=segment.duration,
+    )
+    return RoundedFunnel(same, shape, rate, rational(float(funnel.beta_lower)), rational(float(funnel.inner)))
+
+
+class NotProven(Exception):
+    """Ends a certification with a verdict."""
+
+    def __init__(self, verdict: Verdict, message: str, suspects: Sequence[Suspect] = ()) -> None:
+        super().__init__(message)
+        self.verdict = verdict
+        self.suspects = tuple(suspects)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """θ from begin to end (s), and bounds of the reference that hold there; both ends are 0 for a tube."""
+
+    begin: fmpq
+    end: fmpq
+    bounds: TubeClaim
+
+    @property
+    def name(self) -> str:
+        """Which stretch is spoken of; nothing for a tube."""
+        return f"theta from {float(self.begin):.4g} to {float(self.end):.4g} s, " if self.end else ""
+
+
+@dataclass(frozen=True)
+class StretchProof:
+    """A proven stretch; margins in 1/s, per metre in 1/m."""
+
+    stretch: Stretch
+    degrees: tuple[int, ...]
+    margin: fmpq
+    margin_per_metre: fmpq
+    numerical: float  # optimum of the sums-of-squares programs
+    hints: dict[str, Any]
+    suspects: tuple[Suspect, ...]
+    hinted: int  # cells whose solution was only a hint
+
+
+def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> Stretch:
+    """The stretch of a segment's pieces with bounds that are proven to hold.
+
+    Raises:
+        ValueError: where none are found: the speed is not positive, say.
+    """
+    parts = between(pieces, begin, end)
+    first = parts[0]
+    if all(part.is_constant and part.speed == first.speed and part.turn_rate == first.turn_rate for part in parts):
+        kappa, v, zero = first.turn_rate[0] / first.speed[0], first.speed[0], fmpq(0)
+        return Stretch(begin, end, TubeClaim((kappa, kappa), (v, v), (zero, zero)))
+    profiles = [_sampled(part) for part in parts]
+    speed, turn, slope = (np.concatenate(each) for each in zip(*profiles, strict=True))
+    if not speed.min() > 0:
+        raise ValueError(
+            f"the reference does not move forwards between theta = {float(begin):.4g} and {float(end):.4g} s"
+        )
+    level = (first.speed[0], first.speed[0]), (fmpq(0), fmpq(0))
+    for slack in SLACKS:
+        moving = level if _is_constant(parts) else (_around(speed, slack), _around(slope, slack))
+        bounds = TubeClaim(_around(turn / speed, slack), *moving)
+        if bounds.speed[0] > 0 and all(part.inside(bounds) for part in parts):
+            return Stretch(begin, end, bounds)
+    raise ValueError(f"no bounds are proven between theta = {float(begin):.4g} and {float(end):.4g} s")
+
+
+def _is_constant(parts: Sequence[Piece]) -> bool:
+    """Whether the speed is one and the same number."""
+    return all(part.speed == parts[0].speed for part in parts) and len(parts[0].speed) == 1
+
+
+def _sampled(part: Piece) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Speed, turning rate and acceleration along a piece."""
+    t = np.linspace(0.0, float(part.duration), SAMPLES)
+    turn, speed = (np.polynomial.Polynomial([float(c) for c in cs]) for cs in (part.turn_rate, part.speed))
+    return speed(t), turn(t), speed.deriv()(t) + 0 * t
+
+
+def _around(values: np.ndarray, slack: float) -> Bounds:
+    spare = slack * (1 + float(np.abs(values).max()))
+    low, high = math.ldexp(float(values.min()) - spare, BOUND_BITS), math.ldexp(float(values.max()) + spare, BOUND_BITS)
+    return fmpq(math.floor(low), 2**BOUND_BITS), fmpq(math.ceil(high), 2**BOUND_BITS)
+
+
+def _middle(pieces: Sequence[Piece], stretch: Stretch) -> fmpq:
+    """Where a stretch is cut: half of its θ and of its curvature's variation lie on either side."""
+    begin, end = float(stretch.begin), float(stretch.end)
+    theta = np.linspace(begin, end, SAMPLES + 1)
+    parts = between(pieces, stretch.begin, stretch.end)
+    starts = np.array([float(part.theta) for part in parts])
+    owner = np.clip(np.searchsorted(starts, theta, side="right") - 1, 0, len(parts) - 1)
+    kappa = np.array([_curvature(parts[index], at - starts[index]) for index, at in zip(owner, theta, strict=True)])
+    varied = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(kappa)))])
+    share = varied / varied[-1] if varied[-1] > 0 else np.linspace(0.0, 1.0, SAMPLES + 1)
+    measure = BY_THETA * np.linspace(0.0, 1.0, SAMPLES + 1) + (1 - BY_THETA) * share
+    at = stretch.begin + (stretch.end - stretch.begin) * dyadic(
+        float(np.interp(0.5, measure, (theta - begin) / (end - begin))), BOUND_BITS
+    )
+    return at if stretch.begin < at < stretch.end else (stretch.begin + stretch.end) / 2
+
+
+def _curvature(part: Piece, at: float) -> float:
+    turn, speed = (sum(float(c) * at**k for k, c in enumerate(cs)) for cs in (part.turn_rate, part.speed))
+    return turn / speed
+
+
+# --- one stretch
+
+
+def decreases_on(
+    problem: Problem, rounded: RoundedFunnel, graph: Graph, stretch: Stretch, degrees: tuple[int, ...] = ()
+) -> list[SteadyDecrease]:
+    """What has to be shown for (d), one for each extreme reference, with proven enclosures on the funnel's range.
+
+    `degrees` of the Gram matrices are the least that do unless given.
+
+    Raises:
+        ValueError: where the question cannot be put: the shell reaches the reference, a pole lies in the funnel.
+        Broken: the vehicle's dynamics are not of the form in which a few references speak for all.
+    """
+    names, states = ("u0", *problem.vehicle.input_names), problem.vehicle.state_names
+    box = {
+        name: (rational(float(limits.lower)), rational(float(limits.upper)))
+        for name, limits in zip(names, problem.inputs, strict=True)
+    }
+    template, span = rounded.funnel.template.name, (stretch.begin, stretch.end)
+    pieces = level_pieces(template, rounded.rate, span, rounded.beta_lower, rounded.beta_inner)
+    dynamics = symbolic(graph, states, tuple(box))
+    extremes = extremes_of(dynamics, states, box, rounded.shape, stretch.bounds)
+    peak = max(piece.upper for piece in pieces)
+    question = SteadyDecrease(
+        graph=graph,
+        states=states,
+        extreme=extremes[0],
+        inputs=box,
+        shape=rounded.shape,
+        whitening=round_whitening(rounded.funnel.shape / float(peak)),
+        pieces=tuple(pieces),
+        enclosures={},
+        degrees=(),
+    )
+    enclosures: dict[int, UnaryEnclosure] = {}
+
+    def fit_here(node: int, function: str, argument: Enclosure) -> Enclosure:
+        enclosures[node] = enclose(function, argument)
+        return argument.apply(enclosures[node])
+
+    # functions are of the state alone wherever there is more than one reference: one enclosure fits all
+    question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
+    questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
+    degrees = degrees or max(_gram_degrees(question) for question in questions)
+    return [replace(question, degrees=degrees) for question in questions]
+
+
+def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
+    """Degrees of the monomials: the least for which both sides of the identity can have the same degree."""
+    cells = list(question.cells())
+    constraints = zip(*(question.constraints(cell) for cell in cells), strict=True)
+    limits = [max(int(g.total_degree()) for g in column) for column in constraints]
+    order = -(-max([int(question.target(cell).total_degree()) for cell in cells] + limits) // 2)
+    return (order, *((2 * order - limit) // 2 for limit in limits))
+
+
+_Program = tuple[fmpq_mpoly, fmpq_mpoly, list[fmpq_mpoly], tuple[tuple[Exponents, ...], ...]]
+
+
+def _program(decrease: SteadyDecrease, cell: Cell) -> _Program:
+    """What `solve` is asked about a cell. Made in one thread: only the solver works beside others."""
+    drop = decrease.drop(decrease.pieces[cell.piece])
+    return decrease.target(cell), drop, decrease.constraints(cell), decrease.bases
+
+
+class _TooLittle(Exception):
+    """A cell of a stretch that may be cut proves less than the target: only `margin` (1/s)."""
+
+    def __init__(self, margin: float, key: CellKey) -> None:
+        super().__init__(margin)
+        self.margin, self.key = margin, key
+
+
+class Prover:
+    """Proves the stretches of one segment or tube, with its clock (s, in `sos` and `exact`) and its pool of threads."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        rounded: RoundedFunnel,
+        graph: Graph,
+        kind: int,
+        pool: ThreadPoolExecutor,
+        clock: dict[str, float],
+        progress: Progress | None,
+    ) -> None:
+        self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
+        self.pool, self.clock, self.progress = pool, clock, progress
+        self.degrees: tuple[int, ...] = ()
+        self.cells_done = self.cells_begun = 0
+
+    def along(self, segment: Sequence[Piece] | TubeClaim, target: float) -> list[StretchProof]:
+        """Stretches that cover the segment; those that prove less than the target (1/s) are cut as long as that helps.
+
+        Raises:
+            NotProven: a stretch that cannot be cut any further proves nothing.
+        """
+        if isinstance(segment, TubeClaim):
+            return [self.prove(Stretch(fmpq(0), fmpq(0), segment), 0.0)]
+        duration = sum((piece.duration for piece in segment), fmpq(0))
+        found: list[StretchProof] = []
+        open_: list[tuple[fmpq, fmpq, tuple[_TooLittle, ...]]] = [(fmpq(0), duration, ())]
+        while open_:
+            begin, end, before = open_.pop()
+            stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end))
+            last = len(before) >= MOST_HALVINGS or _is_stuck(before) or not self._can_gain(stretch)
+            try:
+                found.append(self.prove(stretch, 0.0 if last else target, before[-1].key if before else None))
+            except _TooLittle as short:
+                middle = _middle(segment, stretch)
+                open_ += [(middle, end, (*before, short)), (begin, middle, (*before, short))]
+        return found
+
+    def _can_gain(self, stretch: Stretch) -> bool:
+        """Whether shorter stretches could prove more: not where nothing changes along it."""
+        return not (stretch.bounds.is_single and self.rounded.rate == 0)
+
+    def prove(self, stretch: Stretch, target: float, first: CellKey | None = None) -> StretchProof:
+        """All cells of a stretch, the one that is likely to fail first.
+
+        Raises:
+            _TooLittle: at the first cell that proves less than the target.
+            NotProven: with target 0, at the first cell that proves nothing.
+        """
+        questions = self._exactly(
+            lambda: decreases_on(self.problem, self.rounded, self.graph, stretch, self.degrees), stretch.name
+        )
+        self.degrees = questions[0].degrees
+        places = [(index, cell) for index, question in enumerate(questions) for cell in question.cells()]
+        places.sort(key=lambda place: first is not None and _key(*place) != first)
+        programs = self._exactly(lambda: [_program(questions[index], cell) for index, cell in places], stretch.name)
+        self.cells_begun += len(places)
+
+        written, margins, per_metre, solved = [], [], [], []
+        jobs = [self.pool.submit(solve, *program) for program in programs]
+        try:
+            for (index, cell), job in zip(places, jobs, strict=True):
+                solution = job.result()
+                self.clock["sos"] += solution.seconds
+                solved.append(solution)
+                question = questions[index]
+                named = _named(stretch, questions, index, cell)
+                if target and not solution.margin >= target:
+                    raise _TooLittle(
+                        solution.margin if math.isfinite(solution.margin) else -math.inf, _key(index, cell)
+                    )
+                proof, grams, proven = self._proven(question, cell, solution, named, stretch, solved)
+                if target and not float(proven) >= target:
+                    raise _TooLittle(float(proven), _key(index, cell))
+                written.append((_key(index, cell), proof.margin, grams))
+                margins.append(proven)
+                per_metre.append(proven / question.extreme.profile["speed"])
+                self.cells_done += 1
+                if self.progress:
+                    self.progress("certify", self.cells_done, self.cells_begun)
+        finally:
+            for job in jobs:
+                job.cancel()
+        margin, margin_per_metre = (_rounded_down(min(each)) for each in (margins, per_metre))
+        if not min(margin, margin_per_metre) > 0:
+            raise NotProven(
+                Verdict.INCONCLUSIVE,
+                f"condition (d), {stretch.name}margin {decimal_text(min(margins))} is too small to state",
+            )
+        return StretchProof(
+            stretch=stretch,
+            degrees=self.degrees,
+            margin=margin,
+            margin_per_metre=margin_per_metre,
+            numerical=min(solution.margin for solution in solved),
+            hints=write_stretch(stretch.end, stretch.bounds, questions[0], written),
+            suspects=self._suspects(stretch, questions[0], solved),
+            hinted=sum(solution.status in HINT_ONLY for solution in solved),
+        )
+
+    def _exactly(self, work: Callable[[], Any], place: str = "") -> Any:
+        """Work in exact arithmetic, by the clock; what cannot be done ends the certification."""
+        started = time.perf_counter()
+        try:
+            return work()
+        except ValueError as error:
+            raise _not_possible(error, place) from error
+        finally:
+            self.clock["exact"] += time.perf_counter() - started
+
+    def _proven(
+        self,
+        question: SteadyDecrease,
+        cell: Cell,
+        solution: SosSolution,
+        named: str,
+        stretch: Stretch,
+        solved: list[SosSolution],
+    ) -> tuple[CellProof, list[Gram], fmpq]:
+        """The exact proof that a solution hints at, its Gram matrices as written, and the margin that it shows."""
+        if solution.status not in USABLE + HINT_ONLY or not _is_finite(solution):
+            raise NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {named}: {solution.status}")
+        started = time.perf_counter()
+        proof, grams, proven = _exact_proof(question, cell, solution)
+        self.clock["exact"] += time.perf_counter() - started
+        if proof is None or not proven > 0:
+            verdict = Verdict.INCONCLUSIVE if solution.status in USABLE else Verdict.SOLVER_FAILED
+            shown = f"only {decimal_text(proven)} is proven" if proof else "its rounding is not proven"
+            raise NotProven(
+                verdict,
+                f"condition (d), {named}: margin {solution.margin:.6g} ({solution.status}), {shown}",
+                self._suspects(stretch, question, solved),
+            )
+        return proof, grams, proven
+
+    def _suspects(self, stretch: Stretch, decrease: SteadyDecrease, solved: list[SosSolution]) -> tuple[Suspect, ...]:
+        """Deviations near which the worst cells are decided: ± the principal axis of the dual's second moments."""
+        whitening = np.array([[float(entry) for entry in row] for row in decrease.whitening])
+        theta = float(stretch.begin + stretch.end) / 2
+        points = []
+        for solution in sorted(solved, key=lambda s: s.margin)[:SUSPECT_CELLS]:
+            if solution.second_moments is not None and np.isfinite(solution.second_moments).all():
+                values, vectors = np.linalg.eigh(solution.second_moments)
+                x = whitening @ vectors[:, -1] * math.sqrt(max(values[-1], 0.0))
+                points += [tuple(float(entry) for entry in side) for side in (x, -x)]
+        return tuple(Suspect(self.kind, theta, point) for point in points)
+
+
+def _key(index: int, cell: Cell) -> CellKey:
+    return index, cell.piece, cell.signs
+
+
+def _is_stuck(before: Sequence[_TooLittle]) -> bool:
+    """Whether the last halvings brought next to nothing."""
+    if len(before) <= PATIENCE or not before[-1].margin > 0:
+        return False
+    return before[-1].margin < LEAST_GAIN * before[-1 - PATIENCE].margin
+
+
+def _not_possible(error: ValueError, place: str) -> Exception:
+    """A claim about the vehicle that is not true is no matter of this funnel: it goes on as it is."""
+    return error if isinstance(error, Broken) else NotProven(Verdict.INCONCLUSIVE, f"not proven: {place}{error}")
+
+
+def _rounded_down(value: fmpq) -> fmpq:
+    return fmpq(math.floor(value * 2**MARGIN_BITS), 2**MARGIN_BITS)
+
+
+def _is_finite(solution: SosSolution) -> bool:
+    return (
+        solution.grams is not None
+        and math.isfinite(solution.margin)
+        and all(np.isfinite(gram).all() for gram in solution.grams)
+    )
+
+
+def _exact_proof(
+    decrease: SteadyDecrease, cell: Cell, solution: SosSolution
+) -> tuple[CellProof | None, list[Gram], fmpq]:
+    """The first padding with which the exact replay accepts the rounded solution, and the margin it then proves."""
+    assert solution.grams is not None
+    for padding in PADDINGS:
+        grams = [round_gram(gram, padding) for gram in solution.grams]
+        matrices = tuple(
+            unpack_triangle([fmpq(entry, 2**exponent) for entry in lower], len(basis))
+            for (exponent, lower), basis in zip(grams, decrease.bases, strict=True)
+        )
+        proof = CellProof(cell, dyadic(solution.margin, MARGIN_BITS), matrices)
+        budget = decrease.domain.budget
+        left = budget.left
+        try:
+            return proof, grams, decrease.proven_margin(proof)
+        except ValueError:  # not positive definite yet; the checker will not see this attempt, nor pay for it
+            budget.left = left
+    return None, [], fmpq(0)
+
+
+def _named(stretch: Stretch, questions: list[SteadyDecrease], index: int, cell: Cell) -> str:
+    place = place_of([question.extreme for question in questions], index)
+    return f"{stretch.name}{place}piece {cell.piece}, signs {signs_text(cell.signs)}"
