@@ -7,6 +7,7 @@ from cfjax.errors import InputError
 from cfjax.funnel import Objective, template_named
 
 
+CERTIFICATES = ("auto", "segment", "tube")
 LEAST_BETA_LOWER = 0.05  # below, no funnel of the paper's template has room to shrink in
 
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
@@ -17,6 +18,7 @@ class Options:
     """How to look for a funnel; the problem says for what."""
 
     template: str = "contracting"  # or "paper"
+    certificate: str = "auto"  # "segment": funnels made for the path; "tube": tubes for all paths within its bounds
     learner: str = "gradient"
     objective: Objective = Objective()  # largest margin, or smallest width or largest inlet at a margin
     beta_lower: float = 0.9  # shell [beta_lower, 1] on which V has to decrease
@@ -28,6 +30,8 @@ class Options:
 
     def __post_init__(self) -> None:
         template_named(self.template)
+        if self.certificate not in CERTIFICATES:
+            raise InputError(f"certificate: expected one of {', '.join(CERTIFICATES)}, got {self.certificate}")
         if self.learner != "gradient":
             raise InputError(f"learner: expected gradient, got {self.learner}")
         if not LEAST_BETA_LOWER <= self.beta_lower < 1:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax.funnel import Funnel
-from cfjax.problem import Problem
+from cfjax.problem import Problem, Tube
 from cfjax.verdict import Verdict
 
 
@@ -21,7 +21,11 @@ class StretchMargin(NamedTuple):
 
 @dataclass(frozen=True)
 class SegmentResult:
-    """One segment's funnel and its margins λ in 1/s; None where there is no such figure."""
+    """One segment's funnel and its margins λ in 1/s; None where there is no such figure.
+
+    A path that is held by universal tubes has one for each stretch in one tube, with the tube's bounds and where it
+    holds, instead of one for each of its segments.
+    """
 
     funnel: Funnel
     margin_falsified: float  # smallest margin that the falsifier found: the true one is not larger
@@ -29,7 +33,9 @@ class SegmentResult:
     margin_per_metre: float | None = None  # proven for a tube: V' <= -margin_per_metre v_r, 1/m
     contraction: float | None = None  # of a tube: m of the path until V <= 1 has become V <= beta_inner, at that margin
     margin_sos: float | None = None  # optimum of the numerical sums-of-squares program
-    stretches: tuple[StretchMargin, ...] = ()  # along θ, where the segment was proven in several
+    reference: Tube | None = None  # bounds of the tube by which a path is held
+    span: tuple[float, float] | None = None  # and where: θ along the whole path, s
+    stretches: tuple[StretchMargin, ...] = ()  # proven along θ, which covers the segment; none for a tube
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,7 @@ class Result:
     iterations: int = 0  # rounds of the learn–certify loop
     history: tuple[dict[str, float], ...] = ()  # per round: margin falsified, certified, counterexamples
     document: dict[str, Any] | None = None  # certificate.json, where there is one
+    failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place stopped the proof
 
     @property
     def margin_certified(self) -> float | None:

@@ -14,12 +14,14 @@ from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for
 from cfjax.options import Options, Progress
-from cfjax.problem import Problem, Tube
+from cfjax.problem import Problem
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation import Leg, drive_cars, drive_tube_cars
+from cfjax.tubes.hold import hold_by_learning, hold_by_library
 from cfjax.verdict import Verdict
 
 
+MOST_FUNNELS = 4  # of a path that gets funnels of its own unless told otherwise: longer ones go by tubes
 GOOD_SHARE = 0.97  # certified over falsified margin: a proof that falls further behind is worth another round
 LEAST_GAIN = 1.001  # certified margin over the best before: a round that brings less is the last one
 
@@ -45,9 +47,37 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
     """
     started = time.perf_counter()
-    loop = _Search(problem, options, progress or _silent)
-    result = loop.run()
-    return result.replace(seconds={**loop.seconds, "total": time.perf_counter() - started})
+    progress = progress or _silent
+    if problem.path.tube or options.certificate == "segment":
+        result = _by_segments(problem, options, progress)
+    elif options.certificate == "tube":
+        result = _by_tubes(problem, options, progress)
+    elif problem.obstacles or len(problem.path.distinct) <= MOST_FUNNELS:
+        result = _by_segments(problem, options, progress)
+    else:
+        result = _by_tubes(problem, options, progress)
+        if result.verdict is not Verdict.CERTIFIED:
+            result = _by_segments(problem, options, progress)
+    return result.replace(seconds={**result.seconds, "total": time.perf_counter() - started})
+
+
+def _by_segments(problem: Problem, options: Options, progress: Progress) -> Result:
+    """Funnels made for the path's own segments; or the one of a tube."""
+    loop = _Search(problem, options, progress)
+    return loop.run().replace(seconds=loop.seconds)
+
+
+def _by_tubes(problem: Problem, options: Options, progress: Progress) -> Result:
+    """Tubes that came with the package where they do it, else one that is learned for the path's bounds."""
+    found = hold_by_library(problem)
+    if found is not None:
+        return found.replace(seconds={"learn": 0.0, "certify": 0.0})
+
+    def learned(bounds: Problem, beta_inner: float) -> Result:
+        inner = min(beta_inner, options.beta_inner or beta_inner)
+        return _by_segments(bounds, replace(options, template="contracting", beta_inner=inner), progress)
+
+    return hold_by_learning(problem, learned)
 
 
 def drive(result: Result, options: Options = Options(), progress: Progress | None = None) -> Result:
@@ -59,22 +89,16 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     if result.verdict is not Verdict.CERTIFIED or not options.cars:
         return result
     progress = progress or _silent
-    # one segment: the certifier refuses chains until their links are proven
-    found, segment = result.segments[0], result.problem.path.segments[0]
     started = time.perf_counter()
     progress("simulate", 0, 1)
     try:
-        margin, how_many = found.margin_certified or 0.0, {"cars": options.cars, "seed": options.seed}
-        if isinstance(segment, Tube):
-            per_metre = found.margin_per_metre or 0.0
-            loop, cars = drive_tube_cars(result.problem, found.funnel, margin, per_metre, **how_many)
+        how_many = {"cars": options.cars, "seed": options.seed}
+        if result.problem.path.tube:
+            (found,) = result.segments
+            margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
+            loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, **how_many)
         else:
-            ends = itertools.accumulate(segment.duration for segment in result.problem.path.segments)
-            legs = [
-                Leg(end, each.funnel, each.margin_certified or 0.0)
-                for end, each in zip(ends, result.segments, strict=True)
-            ]
-            loop, cars = drive_cars(result.problem, legs, **how_many)
+            loop, cars = drive_cars(result.problem, _legs(result), **how_many)
         result = result.replace(closed_loop=loop, rollouts=(cars,))
         progress("simulate", 1, 1)
     except Exception as error:
@@ -83,6 +107,17 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     return result.replace(
         seconds={**result.seconds, "simulate": spent, "total": result.seconds.get("total", 0.0) + spent}
     )
+
+
+def _legs(result: Result) -> list[Leg]:
+    """Where each funnel holds: a segment of the path, or a stretch in one tube."""
+    ends = itertools.accumulate(segment.duration for segment in result.problem.path.segments)
+    spans = [found.span for found in result.segments]
+    until = [span[1] for span in spans if span] or list(ends)
+    return [
+        Leg(end, found.funnel, found.margin_certified or 0.0, (found.margin_per_metre or 0.0) if found.span else 0.0)
+        for end, found in zip(until, result.segments, strict=True)
+    ]
 
 
 def _silent(stage: str, done: int, of: int) -> None:
@@ -219,7 +254,8 @@ class _Search:
                 )
             ]
         segments = self._along(results)
-        return Result(found.verdict, found.message, self.problem, segments, document=found.document), tuple(suspects)
+        result = Result(found.verdict, found.message, self.problem, segments, document=found.document)
+        return result.replace(failed_at=found.failed_at), tuple(suspects)
 
     def _along(self, results: Sequence[SegmentResult]) -> tuple[SegmentResult, ...]:
         """Those of the distinct segments, segment by segment of the path."""

@@ -3,7 +3,8 @@
 The file states the path, piece by piece in exact numbers, and brings the whole certificate of every tube. Each of them
 is replayed; then the path has to be a path (speed continuous, pose and heading by integration), to stay inside the
 bounds of the tube that holds there, and each tube has to hand over to the next (`cfjax.check.reference`). A closed path
-hands over to its own beginning, over the gap that integration leaves.
+hands over to its own beginning, over the gap that integration leaves. Where the file names sets, I lies in the first
+tube, every tube in S, and what is left of the last one at the end in G.
 """
 
 import itertools
@@ -13,11 +14,13 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from flint import fmpq
 
+from cfjax.check.containment import broken_containments
 from cfjax.check.document import FORMAT, MOST_PIECES, VERSION, document_hash, read_claims, read_reference
 from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import (
     LAW_SHARE,
+    STATES,
     CertifiedTube,
     Origin,
     Reference,
@@ -36,6 +39,15 @@ MOST_TUBES = 12
 
 
 @dataclass(frozen=True)
+class SetsClaim:
+    """Half-axes of I and G and half-widths of S (or None), by state."""
+
+    inlet: tuple[fmpq, ...]
+    goal: tuple[fmpq, ...]
+    safe: tuple[fmpq, ...] | None
+
+
+@dataclass(frozen=True)
 class ChainClaim:
     """The path and the tubes along it, tubes not proven yet; `levels[k]` is that of the link after run k."""
 
@@ -47,9 +59,10 @@ class ChainClaim:
     tubes: tuple[tuple[object, fmpq, fmpq], ...]  # certificate, scales of length and speed
     runs: tuple[tuple[int, int, int], ...]  # first piece, piece after the last, tube
     levels: tuple[fmpq, ...]
+    sets: SetsClaim | None
 
 
-def tube_of(document: object, name: str, source: str | None = None) -> CertifiedTube:
+def tube_of(document: object, name: str, source: str | dict | None = None) -> CertifiedTube:
     """The tube that a certificate claims, unproven.
 
     Raises:
@@ -99,13 +112,15 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
     links = prove_chain(claim.reference, runs, claim.levels, claim.closed)  # bounds first: a wild path has no gap
     if claim.closed and not is_closed(claim.reference.gap):
         raise Broken("path: the end of the lap is not its start")
+    last = runs[-1]
+    pieces = claim.reference.pieces
+    finish = last.tube.level_after(claim.reference.length - pieces[last.begin].arc)
+    if claim.sets:
+        _check_sets(claim.sets, runs, finish)
     for index, (certificate, *_) in enumerate(claim.tubes):  # what takes longest comes last
         report = check_tube(certificate)
         if report.outcome is not Outcome.PROVEN:
             raise Broken(f"tube {index}: {report.message}")
-    last = runs[-1]
-    pieces = claim.reference.pieces
-    finish = last.tube.level_after(claim.reference.length - pieces[last.begin].arc)
     times = [(run.tube.timing, sum((p.duration for p in pieces[run.begin : run.end]), fmpq(0))) for run in runs]
     arrival = (
         sum((duration / fast for (_, fast), duration in times), fmpq(0)),
@@ -120,14 +135,59 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
         if claim.closed
         else f"until it arrives after {time} with V <= {decimal_text(finish, ROUND_CEILING)}"
     )
+    boxes = [run.tube.inputs for run in runs]
+    inputs = ", ".join(
+        f"{name} in [{decimal_text(min(box[name][0] for box in boxes), ROUND_FLOOR)}, "
+        f"{decimal_text(max(box[name][1] for box in boxes), ROUND_CEILING)}]"
+        for name in boxes[0]
+    )
+    started, inside = _sets_text(claim.sets)
     message = (
         f'PROVEN: the vehicle "{claim.vehicle}" ({values}) can be held in tubes along the path "{claim.name}", '
-        f"whose {len(pieces)} pieces of {about(claim.reference.length)} m stand in the file. Started with V < 1 in the "
-        f"first tube, under any law that enforces {about(LAW_SHARE)} of the tubes' margins, the car stays in them "
-        f"{ending}. Tubes in turn, by lateral half-width: {widths} m. Proven certificates: {len(tubes)}, links: "
-        f"{len(links)}."
+        f"whose {len(pieces)} pieces of {about(claim.reference.length)} m stand in the file, by inputs {inputs}. "
+        f"{started}, under any law that enforces {about(LAW_SHARE)} of the tubes' margins, the car stays in them "
+        f"{ending}{inside}. Tubes in turn, by lateral half-width: {widths} m. Proven certificates: {len(tubes)}, "
+        f"links: {len(links)}."
     )
     return Report(Outcome.PROVEN, message, margins, arrival)
+
+
+def _check_sets(sets: SetsClaim, runs: list[Run], finish: fmpq) -> None:
+    """Raises Broken unless I is in the first tube, every tube in S, and {V ≤ finish} of the last one in G."""
+    zero, one = fmpq(0), fmpq(1)
+    broken = broken_containments(STATES, runs[0].tube.shape, "paper", zero, zero, sets.inlet, None, sets.safe)
+    for run in runs[1:]:
+        broken += broken_containments(STATES, run.tube.shape, "paper", zero, zero, None, None, sets.safe)
+    # {V ≤ finish} = {xᵀ (C/finish) x ≤ 1}
+    end = [[entry / finish for entry in row] for row in runs[-1].tube.shape]
+    broken += broken_containments(STATES, end, "paper", zero, one, None, sets.goal, None)
+    if broken:
+        raise Broken("; ".join(dict.fromkeys(broken)))
+
+
+def _sets_text(sets: SetsClaim | None) -> tuple[str, str]:
+    """Where a car may start, and what is said of S and G."""
+    if sets is None:
+        return "Started with V < 1 in the first tube", ""
+
+    def axes(values: tuple[fmpq, ...], rounding: str) -> str:
+        return "(" + ", ".join(decimal_text(value, rounding) for value in values) + ")"
+
+    safe = "" if sets.safe is None else f" It stays in S with half-widths {axes(sets.safe, ROUND_CEILING)}."
+    started = f"Deviations ({', '.join(STATES)}): started in I with half-axes {axes(sets.inlet, ROUND_FLOOR)}"
+    return started, f", at the end inside G with half-axes {axes(sets.goal, ROUND_CEILING)}.{safe}".removesuffix(".")
+
+
+def _sets(item: Item) -> SetsClaim | None:
+    if item.value is None:
+        return None
+    size = len(STATES)
+    inlet, goal, safe = item.record("inlet", "goal", "safe")
+
+    def axes(entry: Item) -> tuple[fmpq, ...]:
+        return tuple(value.positive() for value in entry.items(size, size))
+
+    return SetsClaim(axes(inlet), axes(goal), None if safe.value is None else axes(safe))
 
 
 def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
@@ -137,7 +197,7 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
         Unreadable, Broken: as for other certificates.
     """
     fields = Item(document, "").record(
-        "format", "version", "claim", "hash", "vehicle", "path", "tubes", "runs", "levels"
+        "format", "version", "claim", "hash", "vehicle", "path", "sets", "tubes", "runs", "levels"
     )
     if fields[0].value != FORMAT or fields[1].value != VERSION or isinstance(fields[1].value, bool):
         raise Unreadable(f"this checker reads version {VERSION} of the format")
@@ -148,7 +208,7 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
     if not isinstance(closed.value, bool):
         closed.refuse("true or false")
     tubes = []
-    for entry in fields[6].items(MOST_TUBES):
+    for entry in fields[7].items(MOST_TUBES):
         certificate, length, speed = entry.record("certificate", "length", "speed")
         tubes.append((certificate.value, length.positive(), speed.positive()))
     reference = read_reference(start, pieces)
@@ -156,7 +216,7 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
         if before.end_speed != piece.speed[0]:
             raise Broken("path: the speed jumps between segments")
     runs, begin = [], 0
-    for entry in fields[7].items(MOST_PIECES):
+    for entry in fields[8].items(MOST_PIECES):
         end, tube = entry.record("end", "tube")
         runs.append((begin, end.integer(begin + 1, len(reference.pieces)), tube.integer(0, len(tubes) - 1)))
         begin = runs[-1][1]
@@ -164,5 +224,6 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
     own = {label: value.positive() for label, value in parameters.entries(8)}
     if set(own) != set(KNOWN_VEHICLES[kind].parameters):
         parameters.refuse(f"the parameters of a {kind}")
-    levels = tuple(level.positive() for level in fields[8].items(MOST_PIECES, least=0))
-    return ChainClaim(name.text(), closed.value is True, kind, own, reference, tuple(tubes), tuple(runs), levels)
+    levels = tuple(level.positive() for level in fields[9].items(MOST_PIECES, least=0))
+    sets = _sets(fields[6])
+    return ChainClaim(name.text(), closed.value is True, kind, own, reference, tuple(tubes), tuple(runs), levels, sets)

@@ -45,9 +45,9 @@ UNITS = {"curvature": "1/m", "speed": "m/s", "acceleration": "m/s²"}
 
 
 class Origin(NamedTuple):
-    """Where a tube's certificate lies, and by what its lengths and speeds are multiplied since."""
+    """A tube's certificate, or the file where it lies, and by what its lengths and speeds are multiplied since."""
 
-    source: str
+    source: str | dict
     length: fmpq = fmpq(1)
     speed: fmpq = fmpq(1)
 

@@ -265,6 +265,7 @@ class Config:
     method: str = "pf"  # or tt
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # u0 of path following
     template: str = Options.template  # contracting or paper
+    certificate: str = Options.certificate  # auto, segment or tube
     learner: str = Options.learner
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     beta_lower: float = Options.beta_lower

@@ -1,5 +1,6 @@
 """The proof that a path is followed, as a file: the path in exact numbers, and every tube's own certificate whole."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,18 @@ from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
 from cfjax.check.reference import CertifiedTube
 from cfjax.errors import InputError
-from cfjax.exact import write_pieces
+from cfjax.exact import exact_numbers, write_pieces
+from cfjax.problem import Problem
 from cfjax.tubes.follow import Following
 
 
-def chain_document(following: Following) -> dict[str, Any]:
+def chain_document(following: Following, problem: Problem | None = None) -> dict[str, Any]:
     """What `python -m cfjax.check FILE` replays: tubes, bounds along the path, links and closure.
 
+    With a problem the file claims its sets too: from I, inside S, to G.
+
     Raises:
-        InputError: where a tube was not read from a file.
+        InputError: where a tube came without its certificate.
     """
     tubes = list(dict.fromkeys(run.tube for run in following.runs))
     content = {
@@ -34,6 +38,7 @@ def chain_document(following: Following) -> dict[str, Any]:
             "start": [str(rational(float(value))) for value in following.path.curve[0].start],
             "pieces": write_pieces(following.reference.pieces),
         },
+        "sets": None if problem is None else _sets(problem),
         "tubes": [_tube(tube) for tube in tubes],
         "runs": [{"end": run.end, "tube": tubes.index(run.tube)} for run in following.runs],
         "levels": [str(level) for level in following.levels],
@@ -43,9 +48,21 @@ def chain_document(following: Following) -> dict[str, Any]:
 
 def _tube(tube: CertifiedTube) -> dict[str, Any]:
     if tube.origin is None:
-        raise InputError(f"certificate: expected tubes that were read from files, {tube.name} was not")
+        raise InputError(f"certificate: expected tubes with their certificates, {tube.name} has none")
     source, length, speed = tube.origin
-    return {"certificate": read_json(Path(source)), "length": str(length), "speed": str(speed)}
+    certificate = source if isinstance(source, dict) else read_json(Path(source))
+    return {"certificate": certificate, "length": str(length), "speed": str(speed)}
+
+
+def _sets(problem: Problem) -> dict[str, Any]:
+    def axes(values: Sequence[float]) -> list[str]:
+        return [str(value) for value in exact_numbers(values)]
+
+    return {
+        "inlet": axes(problem.inlet.half_axes),
+        "goal": axes(problem.goal.half_axes),
+        "safe": axes(problem.safe.half_widths) if problem.safe else None,
+    }
 
 
 def write_chain(following: Following, path: str | Path) -> None:

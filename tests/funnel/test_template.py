@@ -7,8 +7,9 @@ import pytest
 
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel, Template, template_named
-from cfjax.funnel.conditions import dual_coordinates, instance_of, shell_points
-from cfjax.problem import Box, Problem, ball, circle
+from cfjax.funnel.conditions import dual_coordinates, shell_points
+from cfjax.funnel.instance import instance_of
+from cfjax.problem import Box, Path, Problem, ball, circle, straight
 
 
 TABLE = [(template, rate) for template in TEMPLATES.values() for rate in (-0.15, 0.0, 0.1, 0.3)]
@@ -29,21 +30,22 @@ def test_rate_of_the_value_is_scale_times_form_rate_and_timing(template: Templat
     np.testing.assert_allclose(change, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize(("begin", "end"), [(0.0, DURATION), (0.4, 1.1), (0.7, 0.7)])
 @pytest.mark.parametrize(("template", "rate"), TABLE, ids=lambda v: getattr(v, "name", v))
-def test_theta_is_eliminated_exactly(template: Template, rate: float) -> None:
-    """The shell's range of q, and the largest demand at each q, by a dense grid over (θ, V)."""
-    theta = np.linspace(0, DURATION, 4001)
+def test_theta_is_eliminated_exactly(template: Template, rate: float, begin: float, end: float) -> None:
+    """The shell's range of q on a stretch, and the largest demand at each q, by a dense grid over (θ, V)."""
+    theta = np.linspace(begin, end, 4001)
     level, scale = np.asarray(template.level(rate, theta)), np.asarray(template.scale(rate, theta)) + 0 * theta
     inner = level - (1 - BETA_LOWER) / scale  # q at which V = β̲
-    low, high = (float(q) for q in template.shell(rate, DURATION, BETA_LOWER))
+    low, high = (float(q) for q in template.shell(rate, begin, end, BETA_LOWER))
     assert low == pytest.approx(inner.min(), abs=1e-9)
     assert high == pytest.approx(level.max(), abs=1e-9)
     for q in np.linspace(low + 1e-6, high - 1e-6, 23):
         inside = (q >= inner) & (q <= level)
         if inside.any():
             demand = (1 / scale[inside]).max()
-            assert float(template.drop(rate, DURATION, BETA_LOWER, q)) == pytest.approx(demand, rel=2e-3)
-            assert float(template.drop(rate, DURATION, BETA_LOWER, q)) >= demand - 1e-12
+            assert float(template.drop(rate, begin, end, BETA_LOWER, q)) == pytest.approx(demand, rel=2e-3)
+            assert float(template.drop(rate, begin, end, BETA_LOWER, q)) >= demand - 1e-12
 
 
 @pytest.mark.parametrize("template", TEMPLATES.values(), ids=lambda t: t.name)
@@ -56,17 +58,17 @@ def test_dual_coordinates_cover_the_shell_and_come_back(template: Template) -> N
     rng = np.random.default_rng(1)
     w = rng.normal(size=(50, 4))
     w /= np.linalg.norm(w, axis=1, keepdims=True)
-    s = rng.uniform(size=50)
+    s, station = rng.uniform(size=50), np.zeros(50, int)
     factor = np.linalg.cholesky(np.linalg.inv(funnel.shape))
     x, q, gradient = map(
         np.asarray,
-        shell_points(template, instance, *map(jnp.asarray, (factor, funnel.rate, w, s))),
+        shell_points(template, instance, *map(jnp.asarray, (factor, funnel.rate, w, s, station))),
     )
     np.testing.assert_allclose(funnel.form(x), q, rtol=1e-9)
     np.testing.assert_allclose(gradient, 2 * x @ funnel.shape, rtol=1e-9, atol=1e-12)
-    low, high = template.shell(funnel.rate, segment.duration, funnel.beta_lower)
+    low, high = template.shell(funnel.rate, 0.0, segment.duration, funnel.beta_lower)
     assert (q >= low - 1e-12).all() and (q <= high + 1e-12).all()
-    w_back, s_back = dual_coordinates(instance, funnel, x)
+    w_back, s_back = dual_coordinates(instance, funnel, x, station)
     np.testing.assert_allclose(w_back, w, atol=1e-9)
     np.testing.assert_allclose(s_back, s, atol=1e-9)
 
@@ -90,6 +92,9 @@ def test_unknown_template_is_refused() -> None:
 
 
 def test_bigger_goal_may_grow() -> None:
-    problem = Problem(circle(), inlet=ball(0.3), goal=ball(0.5))
-    instance = instance_of(problem, problem.path.segments[0], TEMPLATES["contracting"], 0.9)
-    assert float(instance.change_bounds[0]) < 0
+    def least_change(path: Path) -> float:
+        problem = Problem(path, inlet=ball(0.3), goal=ball(0.5))
+        return float(instance_of(problem, path.segments[0], TEMPLATES["contracting"], 0.9).change_bounds[0])
+
+    assert least_change(straight()) < 0
+    assert least_change(circle()) > 0  # closed: where a lap ends the next one begins

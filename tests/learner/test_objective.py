@@ -8,7 +8,7 @@ import pytest
 from cfjax.errors import InputError
 from cfjax.falsifier import falsify
 from cfjax.funnel import TEMPLATES, Objective, lateral_half_width
-from cfjax.funnel.conditions import Unit
+from cfjax.funnel.instance import Unit
 from cfjax.learner import Learned, learn, learn_for
 from cfjax.problem import Ellipsoid, Interval, Method, Problem, ball, tube
 

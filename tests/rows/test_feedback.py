@@ -9,7 +9,8 @@ from cfjax.conf import preset, problem_of
 from cfjax.falsifier import falsify
 from cfjax.falsifier.duel import ridge_coordinates, spawn
 from cfjax.funnel import TEMPLATES
-from cfjax.funnel.conditions import decrease_margins, dual_coordinates, instance_of
+from cfjax.funnel.conditions import decrease_margins, dual_coordinates
+from cfjax.funnel.instance import chain_of, instance_of
 from cfjax.learner import learn
 from cfjax.learner.gradient import _include
 
@@ -22,21 +23,23 @@ def test_suspects_are_the_worst_points_and_reach_the_learner() -> None:
     assert learned is not None
     found = certify(problem, [learned.funnel])
     (funnel,) = found.funnels
-    suspects = np.array(found.suspects)
-    instance = instance_of(problem, segment, template, funnel.beta_lower)
-    w, s = dual_coordinates(instance, funnel, suspects)
+    suspects = np.array([suspect.x for suspect in found.suspects])
+    instance, station = instance_of(problem, segment, template, funnel.beta_lower), np.zeros(len(suspects), int)
+    w, s = dual_coordinates(instance, funnel, suspects, station)
     factor = jnp.linalg.cholesky(jnp.asarray(np.linalg.inv(funnel.shape)))
     rate = jnp.asarray(funnel.rate)
-    margins = decrease_margins(problem.vehicle, template, instance, factor, rate, jnp.asarray(w), jnp.asarray(s))
+    points = map(jnp.asarray, (w, s, station))
+    margins = decrease_margins(problem.vehicle, template, instance, factor, rate, *points)
     worst = {point.condition: point for point in falsify(problem, segment, funnel)}["d"]
     # the duals of the proof find without any search what the falsifier finds by searching
     assert float(margins.min()) == pytest.approx(worst.slack, rel=1e-3)
 
-    particles = spawn(np.random.default_rng(0), 2, 128, ridge_coordinates(problem.vehicle, instance))
-    with_suspects = _include(particles, w, s)
-    np.testing.assert_allclose(with_suspects.points[1, : len(w), :-1], w)
-    assert (with_suspects.free[:, : len(w)] == 1).all()
-    np.testing.assert_array_equal(with_suspects.points[:, len(w) :], particles.points[:, len(w) :])
-    again = learn(problem, template, warm=funnel, counterexamples=suspects)
+    chain = chain_of(problem, template, funnel.beta_lower)
+    particles = spawn(np.random.default_rng(0), (2, 1, 128), ridge_coordinates(problem.vehicle, chain), 1)
+    with_suspects = _include(particles, chain, (funnel,), found.suspects)
+    np.testing.assert_allclose(with_suspects.points[1, 0, : len(w), :-1], w)
+    assert (with_suspects.free[:, 0, : len(w)] == 1).all()
+    np.testing.assert_array_equal(with_suspects.points[:, 0, len(w) :], particles.points[:, 0, len(w) :])
+    again = learn(problem, template, warm=(funnel,), counterexamples=found.suspects)
     assert again is not None
     assert again.margin >= 0.99 * learned.margin

@@ -1,0 +1,177 @@
+"""A path held by universal tubes, from I to G: tubes that are there already, or one learned for the path's own bounds.
+
+An invariant tube does not shrink, so that the path's I lies in the first tube and what is left of the last one, after
+the metres that it had for contraction, in G. A tube knows no place: where obstacles stand nothing is proven.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+
+import numpy as np
+from flint import fmpq
+
+from cfjax.certificate.stretches import bounded
+from cfjax.check import Outcome, check_document
+from cfjax.check.chain import tube_of
+from cfjax.check.containment import broken_containments
+from cfjax.check.rational import float_below
+from cfjax.check.reference import STATES, CertifiedTube
+from cfjax.errors import InputError
+from cfjax.exact import exact_course, exact_numbers
+from cfjax.funnel import Funnel, template_named
+from cfjax.problem import Ellipsoid, Interval, Path, Problem, Tube
+from cfjax.result import Result, SegmentResult
+from cfjax.tubes.certificate import chain_document
+from cfjax.tubes.follow import Following, follow
+from cfjax.tubes.store import library
+from cfjax.verdict import Verdict
+
+
+INNER_LEVEL = 0.1  # to which a learned tube contracts, or further where G asks for it
+LEAST_INNER_LEVEL = 0.01
+ROOM = 0.999  # of the widest tube whose inner level lies in G
+MOST_HEADING = 3.1  # rad: a tube stays short of where the heading wraps
+STEP = Decimal("1e-6")  # to which bounds are rounded outwards
+ALIKE = (
+    0.5  # curvature to both sides as unequal as this is taken as equal: V is then its own mirror image, half the proof
+)
+
+Learn = Callable[[Problem, float], Result]  # the funnel of a problem whose path is a tube, down to a level beta_inner
+
+
+def hold_by_library(problem: Problem) -> Result | None:
+    """The path held by tubes that came with the package, proven in milliseconds; None where they do not do it.
+
+    Raises:
+        InputError: for a vehicle of a kind that has no tubes, or with obstacles.
+    """
+    _refuse_obstacles(problem)
+    offered = [tube for tube in library(problem.vehicle) if _serves(problem, tube)]
+    try:
+        following = follow(problem.path, offered, vehicle=problem.vehicle, closed=problem.path.closed)
+    except InputError:  # no tube holds I, S and the path's bounds
+        return None
+    found = _held(problem, following, {})
+    return found if found.verdict is Verdict.CERTIFIED else None
+
+
+def hold_by_learning(problem: Problem, learn: Learn) -> Result:
+    """The path held by one tube that is learned for its bounds, between its I, S and G.
+
+    Raises:
+        InputError: for obstacles, or a path without proven bounds.
+    """
+    _refuse_obstacles(problem)
+    ratio = min(goal / start for start, goal in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))
+    inner = max(min(INNER_LEVEL, 0.25 * ratio**2), LEAST_INNER_LEVEL)
+    # {V ≤ inner} lies in G where the tube lies in G enlarged
+    reach = [ROOM * axis / math.sqrt(inner) for axis in problem.goal.half_axes]
+    reach[0] = min(reach[0], MOST_HEADING)
+    bounds = Path("tube", (bounds_of(problem.path),))
+    made = learn(replace(problem, path=bounds, goal=Ellipsoid(tuple(reach))), inner)
+    if made.verdict is not Verdict.CERTIFIED or made.document is None:
+        return made.replace(
+            problem=problem, message=f"no tube for the path's bounds: {made.message}", segments=(), document=None
+        )
+    name = "learned"
+    try:
+        tube = tube_of(made.document, name, made.document)
+        following = follow(problem.path, [tube], vehicle=problem.vehicle, closed=problem.path.closed)
+    except ValueError as error:
+        message = f"the learned tube does not hold along the path: {error}"
+        return made.replace(problem=problem, message=message, verdict=Verdict.INCONCLUSIVE, segments=(), document=None)
+    found = _held(problem, following, {name: made.segments[0].margin_falsified})
+    return found.replace(seconds=made.seconds, iterations=made.iterations, history=made.history)
+
+
+def _refuse_obstacles(problem: Problem) -> None:
+    if problem.obstacles:
+        raise InputError(
+            "certificate: expected segment or auto beside obstacles, got tube: a tube holds along every path and knows "
+            "none of its places"
+        )
+
+
+def bounds_of(path: Path) -> Tube:
+    """Proven bounds of curvature, speed and acceleration along a path, rounded outwards to 1e-6.
+
+    Raises:
+        InputError: where the speed is not positive, or a segment does not start where the one before ends.
+    """
+    reference = exact_course(path)
+    found = []
+    try:
+        for _, own in itertools.groupby(reference.pieces, key=lambda piece: piece.segment):
+            pieces = list(own)
+            duration = sum((piece.duration for piece in pieces), fmpq(0))
+            found.append(bounded(pieces, fmpq(0), duration).bounds)
+    except ValueError as error:
+        raise InputError(f"path {path.name}: {error}") from None
+    curvature, speed, acceleration = (
+        _hull([getattr(bounds, name) for bounds in found]) for name in ("curvature", "speed", "acceleration")
+    )
+    if min(-curvature.lower, curvature.upper) > ALIKE * max(-curvature.lower, curvature.upper):
+        widest = max(-curvature.lower, curvature.upper)
+        curvature = Interval(-widest, widest)
+    return Tube(curvature, speed, acceleration)
+
+
+def _hull(ranges: Sequence[tuple[fmpq, fmpq]]) -> Interval:
+    lower, upper = min(low for low, _ in ranges), max(high for _, high in ranges)
+
+    def outwards(value: fmpq, rounding: str) -> float:
+        exact = Decimal(int(value.p)) / Decimal(int(value.q))
+        return float(exact.quantize(STEP, rounding=rounding))
+
+    return Interval(outwards(lower, ROUND_FLOOR), outwards(upper, ROUND_CEILING))
+
+
+def _serves(problem: Problem, tube: CertifiedTube) -> bool:
+    """Whether I lies in the tube and the tube in S, within the problem's inputs and by its method."""
+    inlet = exact_numbers(problem.inlet.half_axes)
+    safe = exact_numbers(problem.safe.half_widths) if problem.safe else None
+    zero = fmpq(0)
+    if broken_containments(STATES, tube.shape, "paper", zero, zero, inlet, None, safe):
+        return False
+    names = ("u0", *problem.vehicle.input_names)
+    box = {name: exact_numbers((ends.lower, ends.upper)) for name, ends in zip(names, problem.inputs, strict=True)}
+    return all(box[name][0] <= low and high <= box[name][1] for name, (low, high) in tube.inputs.items())
+
+
+def _held(problem: Problem, following: Following, falsified: dict[str, float]) -> Result:
+    """The result whose segments are the chain's runs, proven from its document, or not."""
+    document = chain_document(following, problem)
+    report = check_document(document)
+    pieces = following.reference.pieces
+    ends = np.cumsum([float(piece.duration) for piece in pieces])
+    segments = []
+    for run in following.runs:
+        tube = run.tube
+        shape = np.array([[float(entry) for entry in row] for row in tube.shape])
+        levels = float(tube.beta_lower), float(tube.beta_inner)
+        segments.append(
+            SegmentResult(
+                funnel=Funnel(template_named("contracting"), shape, 0.0, math.inf, *levels),
+                margin_falsified=falsified.get(tube.name, math.nan),
+                margin_certified=float_below(tube.margin),
+                margin_per_metre=float_below(tube.margin_per_metre),
+                reference=Tube(*(_interval(getattr(tube, name)) for name in ("curvature", "speed", "acceleration"))),
+                span=(0.0 if run.begin == 0 else float(ends[run.begin - 1]), float(ends[run.end - 1])),
+            )
+        )
+    proven = report.outcome is Outcome.PROVEN
+    # what is driven and written down is what the proof speaks of: poses integrated, speeds continuous
+    return Result(
+        Verdict.CERTIFIED if proven else Verdict.INCONCLUSIVE,
+        report.message if proven else f"the path is not held by the tube between I, S and G: {report.message}",
+        replace(problem, path=following.path),
+        tuple(segments),
+        document=document if proven else None,
+    )
+
+
+def _interval(ends: tuple[fmpq, fmpq]) -> Interval:
+    return Interval(float(ends[0]), float(ends[1]))
