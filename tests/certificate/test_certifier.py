@@ -9,8 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-import cfjax.certificate.certifier as certifier
-from cfjax.certificate import certify, dump, refute
+from cfjax.certificate import certify, dump, refute, stretches
 from cfjax.certificate.sos import SosSolution
 from cfjax.check import Outcome, check_document, check_file
 from cfjax.errors import InputError
@@ -145,13 +144,13 @@ def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate
     problem, funnel = candidate("circle", "tt", "paper")
     segment = problem.path.segments[0]
     chain = replace(problem, path=Path("chain", (segment, segment)))
-    with pytest.raises(InputError, match="expected 2 funnels"):
-        certify(chain, [funnel])
-    with pytest.raises(InputError, match="expected one segment"):
+    with pytest.raises(InputError, match="expected 1 funnels, one per distinct segment, got 2"):
         certify(chain, [funnel, funnel])
-    ramp = Segment(Profile.constant(0.0, 2.0), Profile((0.0, 2.0), ((1.0, 0.1),)), Pose(0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="constant turning rate and speed"):
-        certify(replace(problem, path=Path("ramp", (ramp,))), [funnel])
+    with pytest.raises(InputError, match="expected one segment"):
+        refute(chain, funnel)
+    apart = replace(segment, start=Pose(0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="segment 1 starts .* m away"):
+        certify(replace(problem, path=Path("apart", (segment, apart))), [funnel])
     with pytest.raises(InputError, match="not negative"):
         refute(problem, funnel, -1.0)
     reaching = Funnel(Paper(), funnel.shape, 0.2, funnel.duration)
@@ -161,15 +160,15 @@ def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate
 def test_a_solver_that_fails_proves_nothing(candidate: Candidate, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, funnel = candidate("circle", "tt", "paper")
     for status, grams in (("error: InsufficientProgress", None), ("user_limit", (np.eye(35), *[np.eye(15)] * 4))):
-        monkeypatch.setattr(certifier, "solve", lambda *_, s=status, g=grams: SosSolution(s, math.nan, g, 0.0))
+        monkeypatch.setattr(stretches, "solve", lambda *_, s=status, g=grams: SosSolution(s, math.nan, g, 0.0))
         found = certify(problem, [funnel])
         assert (found.verdict, found.document) == (Verdict.SOLVER_FAILED, None)
     # numbers that are none, under a good status
     for margin, worst in ((math.nan, 1.0), (math.inf, 1.0), (0.3, math.nan), (0.3, -math.inf)):
         grams = (np.diag([worst] + 34 * [1.0]), *[np.eye(15)] * 4)
-        monkeypatch.setattr(certifier, "solve", lambda *_, m=margin, g=grams: SosSolution("optimal", m, g, 0.0))
+        monkeypatch.setattr(stretches, "solve", lambda *_, m=margin, g=grams: SosSolution("optimal", m, g, 0.0))
         assert certify(problem, [funnel]).verdict is Verdict.SOLVER_FAILED
     # nonsense under a good status is found out by the exact replay
     nonsense = (np.eye(35), *[np.eye(15)] * 4)
-    monkeypatch.setattr(certifier, "solve", lambda *_: SosSolution("optimal", 0.3, nonsense, 0.0))
+    monkeypatch.setattr(stretches, "solve", lambda *_: SosSolution("optimal", 0.3, nonsense, 0.0))
     assert certify(problem, [funnel]).verdict is Verdict.INCONCLUSIVE

@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cfjax.certificate.certifier import round_funnel, steady_decreases
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import PROFILE_INPUTS, trace_deviation
 from cfjax.errors import InputError
+from cfjax.exact import exact_course
 from cfjax.funnel import Contracting, Funnel
 from cfjax.problem import (
     Interval,
@@ -131,7 +132,7 @@ def test_tan_and_division_are_enclosed_on_the_funnel() -> None:
     segment = problem.path.segments[0]
     shape = np.diag([3.0, 3.0, 3.0, 3.0, 8.0]) + 0.2
     rounded = round_funnel(Funnel(Contracting(), shape, 0.2, segment.duration), segment)
-    decrease = steady_decreases(problem, segment, rounded, trace_deviation(vehicle))[0]
+    decrease = decreases_on(problem, rounded, trace_deviation(vehicle), _whole(problem))[0]
     assert {unary.function for unary in decrease.enclosures.values()} == {"sin", "cos", "tan", "inv"}
     whitening = np.array([[float(w) for w in row] for row in decrease.whitening])
     cells = list(decrease.cells())
@@ -155,11 +156,17 @@ def test_poles_in_the_funnel_are_refused() -> None:
     wide = np.diag([3.0, 3.0, 3.0, 3.0, 0.3])  # the steering angle reaches beyond π/2
     rounded = round_funnel(Funnel(Contracting(), wide, 0.2, segment.duration), segment)
     with pytest.raises(ValueError, match="tan has a pole"):
-        steady_decreases(problem, segment, rounded, trace_deviation(vehicle))
+        decreases_on(problem, rounded, trace_deviation(vehicle), _whole(problem))
     fast = np.diag([3.0, 3.0, 3.0, 1 / 200, 8.0])  # v + v_r reaches −10 m/s, where 1 + v/10 is zero
     rounded = round_funnel(Funnel(Contracting(), fast, 0.2, segment.duration), segment)
     with pytest.raises(ValueError, match="inv has a pole"):
-        steady_decreases(problem, segment, rounded, trace_deviation(vehicle))
+        decreases_on(problem, rounded, trace_deviation(vehicle), _whole(problem))
+
+
+def _whole(problem: Problem) -> Stretch:
+    """The one stretch of a steady segment."""
+    course = exact_course(problem.path)
+    return bounded(course.pieces, course.pieces[0].theta, course.duration)
 
 
 def _ball(radius: float, dimension: int) -> object:

@@ -74,12 +74,12 @@ def test_links_and_another_car_are_replayed() -> None:
 def test_tubes_made_by_hand_have_no_file() -> None:
     tube = next(tube for tube in library() if tube.name == "narrow-gentle-slow")
     found = cfjax.follow(cfjax.circle(1.0, 1.0), [replace(tube, origin=None)])
-    with pytest.raises(InputError, match="read from files"):
+    with pytest.raises(InputError, match="expected tubes"):
         chain_document(found)
 
 
 def tube_bounds(document: dict[str, Any]) -> dict[str, Any]:
-    return document["tubes"][0]["certificate"]["problem"]["path"]["segments"][0]
+    return document["tubes"][0]["certificate"]["problem"]["path"]["tube"]
 
 
 SPIKE = {"turn_rate": ["0", "0", "1800", "-18000"], "duration": "1/10"}  # 2.67 1/m in the middle, 0 at the ends

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.certificate.certifier import round_funnel, steady_decreases
+from cfjax.certificate.stretches import bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.decrease import SteadyDecrease, end_level, monomials, quadratic_form, steady_pieces
+from cfjax.check.decrease import SteadyDecrease, level_bounds, level_pieces, monomials, quadratic_form
+from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Problem, affine_deviation, circle
 
@@ -22,20 +23,25 @@ def question(template: str, method: str, rate: float = 0.09) -> tuple[SteadyDecr
     problem = Problem(circle(), safe=Box((1.0, 1.0, 1.0, 3.0)), method=Method(method))
     segment = problem.path.segments[0]
     rounded = round_funnel(Funnel(template_named(template), SHAPE, rate, segment.duration), segment)
-    return steady_decreases(problem, segment, rounded, trace_deviation(problem.vehicle))[0], problem, rounded.funnel
+    course = exact_course(problem.path)
+    stretch = bounded(course.pieces, fmpq(0), course.duration)
+    return decreases_on(problem, rounded, trace_deviation(problem.vehicle), stretch)[0], problem, rounded.funnel
 
 
 @pytest.mark.parametrize("template", ["paper", "contracting"])
 @pytest.mark.parametrize(
     ("rate", "inner"), [(0.12, 0.9), (0.02, 0.9), (0.0, 0.9), (-0.05, 0.9), (0.02, 0.3), (0.0, 0.1)]
 )
-def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: float, inner: float) -> None:
-    """At every θ and q some piece holds q, its drop is at least min(1, V/β̲)/σ(θ), its timing is ∂V/∂θ / σ."""
+@pytest.mark.parametrize("span", [(0, 6), (0, 2), (3, 6), (2, 3)])
+def test_pieces_cover_the_shell_with_the_largest_demand(
+    template: str, rate: float, inner: float, span: tuple[int, int]
+) -> None:
+    """At every θ of a stretch and q some piece holds q, its drop is at least min(1, V/β̲)/σ(θ), its timing ∂V/∂θ / σ."""
     duration, lower = 6.0, 0.9
     funnel = Funnel(template_named(template), SHAPE, rate, duration, lower, inner)
     levels = fmpq(9, 10), fmpq(round(inner * 100), 100)
-    pieces = steady_pieces(template, fmpq(round(rate * 100), 100), fmpq(6), *levels)
-    for theta in np.linspace(0, duration, 61):
+    pieces = level_pieces(template, fmpq(round(rate * 100), 100), (fmpq(span[0]), fmpq(span[1])), *levels)
+    for theta in np.linspace(*span, 61):
         level, sigma = float(funnel.level(theta)), float(funnel.template.scale(rate, theta))
         lowest = inner + level - 1 if template == "paper" else inner * level
         for q in np.linspace(lowest, level, 21):
@@ -56,12 +62,12 @@ def test_pieces_cover_the_shell_with_the_largest_demand(template: str, rate: flo
 def test_a_shell_that_reaches_the_reference_is_refused() -> None:
     for rate in (fmpq(15, 100), fmpq(1)):
         with pytest.raises(ValueError, match="reaches the reference"):
-            steady_pieces("paper", rate, fmpq(6), fmpq(9, 10), fmpq(9, 10))
-    low, high = end_level("contracting", fmpq(1, 2), fmpq(6))
+            level_pieces("paper", rate, (fmpq(0), fmpq(6)), fmpq(9, 10), fmpq(9, 10))
+    low, high = level_bounds("contracting", fmpq(1, 2), fmpq(6))
     assert float(low) == pytest.approx(math.exp(-3))
     assert low < high
     with pytest.raises(ValueError, match="unknown template"):
-        end_level("other", fmpq(1), fmpq(1))
+        level_bounds("other", fmpq(1), fmpq(1))
 
 
 @pytest.mark.parametrize(("template", "method"), list(product(["paper", "contracting"], ["pf", "tt"])))

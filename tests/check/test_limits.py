@@ -18,6 +18,10 @@ Document = dict[str, Any]
 PATIENCE = 60.0  # seconds on a busy machine; the slowest takes five to ten
 
 
+def stretch(document: Document) -> Document:
+    return document["proofs"]["decrease"][0]["stretches"][0]
+
+
 def nodes(document: Document) -> list:
     return document["problem"]["vehicle"]["dynamics"]["nodes"]
 
@@ -34,7 +38,7 @@ def unknown(document: Document, last: int) -> None:
 
 
 def enclose(document: Document, node: int, function: str, reach: str, bound: str, coefficients: tuple = ("0",)) -> None:
-    document["proofs"][0]["enclosures"].append(
+    stretch(document)["enclosures"].append(
         {
             "node": node,
             "function": function,
@@ -136,9 +140,9 @@ def definite(document: Document) -> None:
     size, rng = 126, random.Random(0)
     lower = [2**63 if i == j else rng.getrandbits(53) for i in range(size) for j in range(i + 1)]
     gram = {"exponent": 200, "lower": lower}
-    proof = document["proofs"][0]
+    proof = document["proofs"]["decrease"][0]
     proof["degrees"] = [5] * len(proof["degrees"])
-    for cell in proof["cells"]:
+    for cell in stretch(document)["cells"]:
         cell["grams"] = [gram] * len(cell["grams"])
 
 
@@ -166,16 +170,16 @@ def test_endless_arithmetic_is_refused(certificate: Document, name: str) -> None
 
 
 def test_gram_matrices_are_counted_before_they_are_read(certificate: Document) -> None:
-    proof = certificate["proofs"][0]
-    cell = proof["cells"][0]
-    proof["cells"] = [cell] * (MOST_CELLS + 1)
+    proof, own = certificate["proofs"]["decrease"][0], stretch(certificate)
+    cell = own["cells"][0]
+    own["cells"] = [cell] * (MOST_CELLS + 1)
     assert f"1 to {MOST_CELLS} entries" in check_document(certificate, skip_hash=True).message
     proof["degrees"] = [5] * len(proof["degrees"])
-    proof["cells"] = [{**cell, "grams": None}] * 16
+    own["cells"] = [{**cell, "grams": None}] * 16
     report = check_document(certificate, skip_hash=True)
     assert report.outcome is Outcome.UNREADABLE
     assert "entries together" in report.message
-    certificate["proofs"][0]["cells"] = [{**cell, "grams": [{"exponent": 0, "lower": [2**65]}] * 5}]
+    own["cells"] = [{**cell, "grams": [{"exponent": 0, "lower": [2**65]}] * 5}]
     assert check_document(certificate, skip_hash=True).outcome is Outcome.UNREADABLE
 
 

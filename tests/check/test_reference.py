@@ -234,7 +234,7 @@ def test_no_deviation_jumps_further_than_the_bound(changes: dict, gap: Gap, tigh
     own = tube(**changes)
     shape = np.array([[float(entry) for entry in row] for row in own.shape])
     root = np.linalg.inv(np.linalg.cholesky(shape)).T
-    bound, worst = float(gap.jump(own)), 0.0
+    bound, worst = float(gap.jump(own.shape, own.inverse)), 0.0
     for _ in range(2000):
         x = root @ (lambda d: d / np.linalg.norm(d))(rng.normal(size=4))
         delta, lateral, forward, speed = rng.choice([-1, 1], 4) * np.array([float(part) for part in gap])
@@ -330,7 +330,7 @@ def test_handing_over_is_decided_exactly() -> None:
     # over a jump the level shrinks with (1 − jump)²
     gap = Gap(ZERO, ZERO, ZERO, fmpq(1, 10))
     over = needed_distance(wide, narrow, fmpq(1, 3), gap)
-    assert over is not None and over[0] == fmpq(1, 3) * (1 - gap.jump(narrow)) ** 2
+    assert over is not None and over[0] == fmpq(1, 3) * (1 - gap.jump(narrow.shape, narrow.inverse)) ** 2
     assert needed_distance(wide, narrow, fmpq(1, 3), Gap(ZERO, ZERO, ZERO, ONE)) is None
 
 

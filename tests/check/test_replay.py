@@ -94,7 +94,8 @@ def test_nothing_but_python_flint_is_imported() -> None:
 
 def claim(document: dict[str, Any], change: str) -> dict[str, Any]:
     """A change that makes the claim false, by name."""
-    problem, funnel, proof = document["problem"], document["funnels"][0], document["proofs"][0]
+    problem, funnel = document["problem"], document["funnels"][0]
+    proof = document["proofs"]["decrease"][0]["stretches"][0]
     match change:
         case "margin":
             funnel["margin"] = str(Fraction(funnel["margin"]) + Fraction(1, 100))
@@ -129,7 +130,7 @@ def claim(document: dict[str, Any], change: str) -> dict[str, Any]:
             node = next(node for node in problem["vehicle"]["dynamics"]["nodes"] if node[0] == "sin")
             node[0] = "cos"
         case "speed":
-            problem["path"]["segments"][0]["speed"]["coefficients"][0][0] = "2"
+            problem["path"]["pieces"][0]["speed"][0] = "2"
         case "rate":
             funnel["rate"] = str(Fraction(funnel["rate"]) * Fraction(11, 10))
         case "shape":
@@ -185,11 +186,15 @@ def test_a_proven_sentence_says_no_more_than_is_proven(certificate: dict[str, An
         assert part in told
 
 
+def witness(x: list[str]) -> dict[str, Any]:
+    return {"condition": "c", "funnel": 0, "theta": "0", "reference": 0, "x": x}
+
+
 def refutation(document: dict[str, Any], shape: list[str], x: list[str]) -> dict[str, Any]:
     """Claims condition (c) to fail at x, for another C."""
     del document["proofs"]
     document["funnels"][0]["shape"] = shape
-    return document | {"claim": "refutation", "witness": {"condition": "c", "theta": "0", "reference": 0, "x": x}}
+    return document | {"claim": "refutation", "witness": witness(x)}
 
 
 def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> None:
@@ -202,7 +207,7 @@ def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> N
     certificate["claim"] = "refutation"
     certificate["problem"]["sets"]["safe"] = None
     certificate["problem"]["sets"]["inlet"]["half_axes"] = ["1/3"] * 4
-    certificate["witness"] = {"condition": "c", "theta": "0", "reference": 0, "x": ["4", "0", "0", "1/300"]}
+    certificate["witness"] = witness(["4", "0", "0", "1/300"])
     told = sentence(certificate)
     assert "heading is pi or more" in told
     assert "safe set S" not in told
@@ -229,8 +234,11 @@ def test_names_cannot_speak_for_the_checker(certificate: dict[str, Any]) -> None
 
 def test_huge_numbers_do_not_hide_which_claim_is_broken(certificate: dict[str, Any]) -> None:
     for spoil, part in (
-        (lambda d: d["funnels"][0].update(margin=str(10**399)), "condition (d), piece 0, signs (++): margin 1e+399"),
-        (lambda d: d["proofs"][0]["cells"][0].update(margin=f"-{10**390}"), "e+390 1/s proven"),
+        (
+            lambda d: d["funnels"][0].update(margin=str(10**399)),
+            "condition (d), theta from 0 to 6 s, piece 0, signs (++): margin 1e+399",
+        ),
+        (lambda d: d["proofs"]["decrease"][0]["stretches"][0]["cells"][0].update(margin=f"-{10**390}"), "e+390 1/s proven"),
         (lambda d: d["problem"]["vehicle"]["parameters"].update(wheelbase=str(10**399)), "vehicle: the dynamics"),
     ):
         document = json.loads(json.dumps(certificate))
@@ -244,6 +252,10 @@ def test_huge_numbers_do_not_hide_which_claim_is_broken(certificate: dict[str, A
 
 def test_another_name_is_a_claim_about_the_graph(certificate: dict[str, Any]) -> None:
     certificate["problem"]["vehicle"]["name"] = "my_car"
+    report = check_document(renewed(certificate))
+    assert report.outcome is Outcome.BROKEN  # that a lap leads to the next is said of states with a meaning only
+    assert "segments are linked for kinematic_bicycle only" in report.message
+    certificate["problem"]["path"]["closed"] = False
     report = check_document(renewed(certificate))
     assert report.outcome is Outcome.PROVEN
     assert "unknown to this checker" in report.message

@@ -44,12 +44,17 @@ def checked(document: Document) -> Any:
     return check_document({**document, "hash": document_hash(document)})
 
 
-def segment(document: Document) -> Document:
-    return document["problem"]["path"]["segments"][0]
+def bounds_of(document: Document) -> Document:
+    return document["problem"]["path"]["tube"]
+
+
+def stretch(document: Document) -> Document:
+    """The one that a tube has."""
+    return document["proofs"]["decrease"][0]["stretches"][0]
 
 
 def cells(document: Document) -> list[Document]:
-    return document["proofs"][0]["cells"]
+    return stretch(document)["cells"]
 
 
 def test_a_proven_tube_says_what_it_is_about(tube_text: str, deep_text: str) -> None:
@@ -90,7 +95,7 @@ def test_less_is_proven_too(tube_text: str, name: str) -> None:
 
 def stretched(name: str, end: int, by: str) -> Callable[[Document], None]:
     def spoil(document: Document) -> None:
-        bounds = segment(document)[name]
+        bounds = bounds_of(document)[name]
         bounds[end] = str(Fraction(bounds[end]) + Fraction(by))
 
     spoil.__name__ = f"{name}[{end}] by {by}"
@@ -107,7 +112,7 @@ def raised(name: str, factor: Fraction) -> Callable[[Document], None]:
 
 
 def wider_curvature(document: Document) -> None:
-    segment(document)["curvature"] = ["-151/100", "151/100"]
+    bounds_of(document)["curvature"] = ["-151/100", "151/100"]
 
 
 def odd_meets_even(document: Document) -> None:
@@ -132,7 +137,7 @@ def margin_per_metre_is_zero(document: Document) -> None:
 
 
 def reference_left_out(document: Document) -> None:
-    document["proofs"][0]["cells"] = [cell for cell in cells(document) if cell["reference"] != 3]
+    stretch(document)["cells"] = [cell for cell in cells(document) if cell["reference"] != 3]
 
 
 def references_swapped(document: Document) -> None:
@@ -148,7 +153,7 @@ def accelerations_swapped(document: Document) -> None:
 def one_proof_for_two_references(document: Document) -> None:
     first = [cell for cell in cells(document) if cell["reference"] == 0]
     others = [cell for cell in cells(document) if cell["reference"] > 1]
-    document["proofs"][0]["cells"] = first + [{**cell, "reference": 1} for cell in first] + others
+    stretch(document)["cells"] = first + [{**cell, "reference": 1} for cell in first] + others
 
 
 def member_with_other_signs(document: Document) -> None:
@@ -158,7 +163,7 @@ def member_with_other_signs(document: Document) -> None:
 
 
 def other_speeds(document: Document) -> None:
-    segment(document)["speed"] = ["1/2", "1"]
+    bounds_of(document)["speed"] = ["1/2", "1"]
 
 
 def more_inputs_are_free(document: Document) -> None:
@@ -219,7 +224,7 @@ def test_what_is_no_tube_is_unreadable(tube_text: str) -> None:
         ("acceleration", ["-1", "0", "1"]),
     ):
         document = json.loads(tube_text)
-        segment(document)[name] = bounds
+        bounds_of(document)[name] = bounds
         assert checked(document).outcome is Outcome.UNREADABLE
     document = json.loads(tube_text)
     document["funnels"][0]["beta_inner"] = "19/20"
@@ -239,7 +244,7 @@ def test_a_segment_has_no_margin_per_metre(paper_text: str) -> None:
 def test_one_input_serves_every_reference(which: str, request: pytest.FixtureRequest) -> None:
     """V̇ ≤ −max(λ, μ v) min(1, V/β̲) at κ, v, a inside the bounds, by an input that knows x's cell alone."""
     document = json.loads(request.getfixturevalue(which))
-    funnel, path = document["funnels"][0], segment(document)
+    funnel, path = document["funnels"][0], bounds_of(document)
     number = {
         name: float(Fraction(funnel[name])) for name in ("beta_lower", "beta_inner", "margin", "margin_per_metre")
     }
@@ -313,14 +318,14 @@ def test_a_refuted_tube_names_a_reference_inside_its_bounds() -> None:
     shape = np.array([[23.5, -12, 0, 0], [-12, 36.4, 0, 0], [0, 0, 36.9, 12.5], [0, 0, 12.5, 23.5]])
     document = refute(problem, Funnel(TEMPLATES["paper"], shape, 0.0, math.inf), margin=3.0).document
     assert document is not None
-    segment(document)["curvature"] = [f"-{10**20 // 3}/{10**20 // 5}", f"{10**20 // 3}/{10**20 // 5}"]
+    bounds_of(document)["curvature"] = [f"-{10**20 // 3}/{10**20 // 5}", f"{10**20 // 3}/{10**20 // 5}"]
     report = checked(document)
     assert report.outcome is Outcome.REFUTED
     assert "curvature in [-1.66667, 1.66667] 1/m" in report.message  # outward: 1.66666…
     assert re.search(r"At curvature about -?1.66667 1/m, speed [14] m/s", report.message)
     document["witness"]["reference"] = 7 if document["witness"]["reference"] != 7 else 0
     assert checked(document).outcome in (Outcome.BROKEN, Outcome.REFUTED)
-    segment(document)["speed"] = ["1", "1"]
+    bounds_of(document)["speed"] = ["1", "1"]
     document["witness"]["reference"] = 4
     assert "no such reference" in checked(document).message
 

@@ -15,8 +15,9 @@ from flint import fmpq
 from cfjax.check.document import document_hash
 from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
-from cfjax.check.reference import LAW_SHARE
+from cfjax.check.reference import LAW_SHARE, exact_reference
 from cfjax.errors import InputError
+from cfjax.exact import stated
 from cfjax.problem import KinematicBicycle, Path, Pose, Profile, Segment, Twist, circle, straight
 from cfjax.problem import tube as bounds
 from cfjax.tubes import CertifiedTube, Following, follow, library, library_files, read_tube
@@ -125,7 +126,7 @@ def test_a_path_that_runs_back_to_its_start_is_refused() -> None:
     """Its length is nearly nothing, its pieces are not: they are not cut into parts of its length."""
     module = importlib.import_module("cfjax.tubes.follow")
     back = segment([(0.0,), (0.0,)], [(1.0, -1.0), (0.0, -1.0)], (0.0, 1.0, 2.0 - 1e-3))
-    assert len(module._cut(module.exact_reference([module._stated(back)])).pieces) <= module.CUTS + 2
+    assert len(module._cut(exact_reference([stated(back)])).pieces) <= module.CUTS + 2
     with pytest.raises(InputError, match=r"^path back: speed reaches -0.999 m/s"):
         follow(Path("back", (back,)), [WIDE])
 

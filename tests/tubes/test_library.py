@@ -97,11 +97,11 @@ def test_reading_a_tube(document: dict, tmp_path: Path, proven: CertifiedTube) -
     (tmp_path / "no.json.xz").write_bytes(b"not packed")
     huge = [{"id": lzma.FILTER_LZMA2, "preset": 6, "dict_size": 1 << 30}]
     (tmp_path / "greedy.json.xz").write_bytes(lzma.compress(b"[]", filters=huge))
-    (tmp_path / "bomb.json.xz").write_bytes(lzma.compress(b" " * (32 << 20)))
+    (tmp_path / "bomb.json.xz").write_bytes(lzma.compress(b" " * (33 << 20)))
     for name, words in (
         ("no.json.xz", "cannot unpack"),
         ("greedy.json.xz", "cannot unpack"),
-        ("bomb.json.xz", "more than 8 MB"),
+        ("bomb.json.xz", "more than 32 MB"),
         ("gone.json", "no such file"),
     ):
         with pytest.raises(InputError, match=words):
