@@ -16,7 +16,15 @@ from typing import Any
 from flint import fmpq
 
 from cfjax.certificate.clearance import NotClear, find_half_planes
-from cfjax.certificate.stretches import NotProven, Progress, Prover, RoundedFunnel, StretchProof, round_funnel
+from cfjax.certificate.stretches import (
+    NotProven,
+    Progress,
+    Prover,
+    RoundedFunnel,
+    StretchProof,
+    place_on,
+    round_funnel,
+)
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_clearance, write_decrease, write_problem
 from cfjax.check import Outcome, check_document
@@ -53,6 +61,7 @@ class Certification:
     stretches: tuple[tuple[StretchMargin, ...], ...] = ()  # what is proven along θ
     seconds: dict[str, float] = field(default_factory=dict)  # sos, exact
     suspects: tuple[Suspect, ...] = ()  # deviations that limit the proof, by the duals: for a learner
+    failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place ended it
 
 
 def certify(
@@ -93,7 +102,14 @@ def certify(
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
         raise InputError(str(error)) from None
     except NotProven as failure:
-        return Certification(failure.verdict, str(failure), funnels=kept, seconds=clock, suspects=failure.suspects)
+        return Certification(
+            failure.verdict,
+            str(failure),
+            funnels=kept,
+            seconds=clock,
+            suspects=failure.suspects,
+            failed_at=failure.place,
+        )
     started = time.perf_counter()
     margins = [min(proof.margin for proof in proofs) for proofs in found]
     per_metre = [min(proof.margin_per_metre for proof in proofs) if problem.path.tube else None for proofs in found]
@@ -121,7 +137,7 @@ def certify(
         margins=tuple(map(float_below, margins)) if proven else None,
         margins_per_metre=tuple(None if margin is None else float_below(margin) for margin in per_metre),
         numerical_margins=tuple(min(proof.numerical for proof in proofs) for proofs in found),
-        stretches=tuple(tuple(map(_stretch_margin, proofs)) for proofs in found),
+        stretches=tuple(() if problem.path.tube else tuple(map(_stretch_margin, proofs)) for proofs in found),
         seconds=clock,
         suspects=tuple(point for proof in every for point in proof.suspects),
     )
@@ -138,8 +154,8 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
         NotProven: what does not hold.
     """
 
-    def fail(reason: str) -> NotProven:
-        return NotProven(Verdict.INCONCLUSIVE, f"not proven: {reason}")
+    def fail(reason: str, place: tuple[float, float] | None = None) -> NotProven:
+        return NotProven(Verdict.INCONCLUSIVE, f"not proven: {reason}", place=place)
 
     course = claim.course
     kinds = course.kinds if isinstance(course, Course) else (0,)
@@ -162,7 +178,8 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
     for before, after, gap in links(course):
         first, second = written[course.kinds[before]], written[course.kinds[after]]
         if reason := broken_link(first, course.segments[before].duration, second, gap):
-            raise fail(f"from segment {before} to segment {after}: {reason}")
+            end = problem.path.segments[before].duration
+            raise fail(f"from segment {before} to segment {after}: {reason}", place_on(problem.path, before, end, end))
     planes: list[list[list[list[HalfPlane]]]] = []
     for index, (segment, kind) in enumerate(zip(course.segments, course.kinds, strict=True)):
         own, start = rounded[kind], course.reference.poses[index]
@@ -179,7 +196,8 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
                 ]
             )
         except NotClear as error:
-            raise fail(f"condition (c), segment {index}: {error}") from None
+            place = place_on(problem.path, index, error.theta, error.theta)
+            raise fail(f"condition (c), segment {index}: {error}", place) from None
     return write_clearance(planes) if claim.obstacles else []
 
 

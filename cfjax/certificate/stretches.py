@@ -7,8 +7,9 @@ and cut where its margin falls short of the target.
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,7 +32,7 @@ from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim, place_of
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
-from cfjax.problem import Problem, Segment, Tube
+from cfjax.problem import Path, Problem, Segment, Tube
 from cfjax.verdict import Verdict
 
 
@@ -80,12 +81,25 @@ def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
 
 
 class NotProven(Exception):
-    """Ends a certification with a verdict."""
+    """Ends a certification with a verdict; where, if in one place: θ from and to (s), along the whole path."""
 
-    def __init__(self, verdict: Verdict, message: str, suspects: Sequence[Suspect] = ()) -> None:
+    def __init__(
+        self,
+        verdict: Verdict,
+        message: str,
+        suspects: Sequence[Suspect] = (),
+        place: tuple[float, float] | None = None,
+    ) -> None:
         super().__init__(message)
         self.verdict = verdict
         self.suspects = tuple(suspects)
+        self.place = place
+
+
+def place_on(path: Path, index: int, begin: float, end: float) -> tuple[float, float]:
+    """θ from begin to end (s) of one of the path's segments, counted along the whole path."""
+    since = sum(segment.duration for segment in path.segments[:index])
+    return since + begin, since + end
 
 
 @dataclass(frozen=True)
@@ -287,14 +301,25 @@ class Prover:
         open_: list[tuple[fmpq, fmpq, tuple[_TooLittle, ...]]] = [(fmpq(0), duration, ())]
         while open_:
             begin, end, before = open_.pop()
-            stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end))
-            last = len(before) >= MOST_HALVINGS or _is_stuck(before) or not self._can_gain(stretch)
-            try:
-                found.append(self.prove(stretch, 0.0 if last else target, before[-1].key if before else None))
-            except _TooLittle as short:
-                middle = _middle(segment, stretch)
-                open_ += [(middle, end, (*before, short)), (begin, middle, (*before, short))]
+            with self._at(begin, end):
+                stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end))
+                last = len(before) >= MOST_HALVINGS or _is_stuck(before) or not self._can_gain(stretch)
+                try:
+                    found.append(self.prove(stretch, 0.0 if last else target, before[-1].key if before else None))
+                except _TooLittle as short:
+                    middle = _middle(segment, stretch)
+                    open_ += [(middle, end, (*before, short)), (begin, middle, (*before, short))]
         return found
+
+    @contextmanager
+    def _at(self, begin: fmpq, end: fmpq) -> Iterator[None]:
+        """What ends a certification in here says where: on the first of the path's segments that are equal to this."""
+        try:
+            yield
+        except NotProven as failure:
+            path = self.problem.path
+            failure.place = place_on(path, path.kinds.index(self.kind), float(begin), float(end))
+            raise
 
     def _can_gain(self, stretch: Stretch) -> bool:
         """Whether shorter stretches could prove more: not where nothing changes along it."""
