@@ -1,69 +1,77 @@
-"""The picture of a funnel: its shadow on the plane with cars inside, and V along each rollout."""
+"""The picture of a run: the plane with the funnel's shadow, and beside it what goes on along θ; or a tube."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib
-import numpy as np
-from jaxtyping import Float
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from cfjax.funnel import Funnel
-from cfjax.problem import Segment
-from cfjax.report.style import (
-    CAR_COLOURS,
-    EDGE_COLOUR,
-    FUNNEL_COLOUR,
-    GOAL_COLOUR,
-    INLET_COLOUR,
-    REFERENCE_COLOUR,
-    STYLE,
-    draw_shell,
-    ellipse_outline,
-    rotation,
-)
+from cfjax.report.along import draw_along, panels
+from cfjax.report.plane import Plane
+from cfjax.report.style import STYLE
 from cfjax.report.tube_plot import draw_tube
 from cfjax.result import Result
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-
-def shadows(funnel: Funnel, segment: Segment, theta: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 96 2"]:
-    """Outlines (m, inertial frame) of the funnel's shadow on the x–y plane at each θ: ellipses."""
-    outline = ellipse_outline(np.linalg.inv(funnel.shape)[1:3, 1:3])
-    size = np.sqrt(np.broadcast_to(funnel.level(theta), theta.shape))
-    poses = segment.poses(theta)
-    turned = np.einsum("tij,jk->tki", rotation(poses[:, 0]), outline)
-    return poses[:, None, 1:] + size[:, None, None] * turned
-
-
-def positions(segment: Segment, theta: Float[np.ndarray, "t k"], x: Float[np.ndarray, "t k n"]) -> np.ndarray:
-    """Positions of cars (m, inertial frame) from θ and the deviation; shape (t, k, 2)."""
-    grid = np.linspace(0.0, segment.duration, 2001)
-    table = segment.poses(grid)
-    alpha, px, py = (np.interp(theta, grid, column) for column in table.T)
-    turned = np.einsum("tkij,tkj->tki", rotation(alpha.ravel()).reshape(*alpha.shape, 2, 2), x[..., 1:3])
-    return np.stack([px, py], -1) + turned
+WIDTH, TALLEST = 9.2, 5.2  # of the figure, in
+PAD = 0.07  # in, around every part
+WIDE = 1.75  # width over height of the plane, from which on the panels are below it
+AROUND = 1.25  # in: title, labels and legend
+BESIDE, PLANE_BESIDE = 3.4, 4.9  # in: the panels beside the plane, and what is left for it
+PLANE_ABOVE, PLANE_TALLEST = 8.3, 4.2  # in: the plane above them
+LEAST, LEAST_STACK = 3.9, 4.7  # in, of the whole; with more than one panel beside the plane
 
 
 def save_picture(result: Result, path: Path) -> None:
-    """Write funnel.png: every segment's funnel, or a tube, and the cars that were driven through it."""
-    tube = result.problem.path.tube
+    """Write funnel.png."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.2, 6.4 if tube and result.rollouts else 3.9), layout="constrained", dpi=160)
-        if tube and result.segments:
+        picture_of(result).savefig(path, metadata={"Software": None})
+
+
+def picture_of(result: Result) -> Figure:
+    """The funnels along a path, or a tube, and the cars that were driven through."""
+    if not result.problem.path.tube:
+        figure = _draw_path(result)
+    else:
+        figure = Figure(figsize=(WIDTH, 6.4 if result.rollouts else 3.9), layout="constrained", dpi=160)
+        if result.segments:
             draw_tube(figure, result)
-        elif not tube:
-            plane, values = figure.subplots(1, 2, width_ratios=[1.35, 1])
-            _draw_plane(plane, result)
-            _draw_values(values, result)
-        figure.suptitle(_title(result), fontsize=10)
-        figure.savefig(path, metadata={"Software": None})
+    figure.suptitle(_title(result), fontsize=10)
+    return figure
+
+
+def _draw_path(result: Result) -> Figure:
+    """The plane takes as much room as its shape asks for."""
+    layout = ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD)
+    plane, drawn = Plane(result), panels(result)
+    x0, x1, y0, y1 = plane.view
+    shape = (x1 - x0) / (y1 - y0)
+    if shape > WIDE or not drawn:
+        above = min(PLANE_ABOVE / shape, PLANE_TALLEST)
+        rows = 2 if len(drawn) > 1 else 1
+        below = (0.5 + 1.15 * rows) if drawn else 0.0
+        figure = Figure(figsize=(WIDTH, above + below + AROUND), layout=layout, dpi=160)
+        parts = figure.add_gridspec(2 if drawn else 1, 1, height_ratios=[above + 0.3, below] if drawn else None)
+        axes = figure.add_subplot(parts[0])
+        if drawn:
+            # V on the left, where there are cars; the others on the right, above each other
+            columns = 2 if len(drawn) > 2 else 1
+            inner = parts[1].subgridspec(rows, columns)
+            places = [inner[:, 0], inner[0, 1], inner[1, 1]] if columns == 2 else [inner[k, 0] for k in range(rows)]
+            stack = [figure.add_subplot(place) for place in places]
+            draw_along(stack, drawn, result, [stack[0], stack[-1]] if columns == 2 else stack[-1:])
+    else:
+        tall = min(max(PLANE_BESIDE / shape + AROUND, LEAST_STACK if len(drawn) > 1 else LEAST), TALLEST)
+        figure = Figure(figsize=(WIDTH, tall), layout=layout, dpi=160)
+        parts = figure.add_gridspec(1, 2, width_ratios=[min(PLANE_BESIDE, (tall - AROUND) * shape) + 0.5, BESIDE])
+        axes = figure.add_subplot(parts[0])
+        heights = [1.9 if len(drawn) > 1 and k == 0 and result.rollouts else 1.0 for k in range(len(drawn))]
+        inner = parts[1].subgridspec(len(drawn), 1, height_ratios=heights)
+        stack = [figure.add_subplot(inner[k]) for k in range(len(drawn))]
+        draw_along(stack, drawn, result, stack[-1:])
+    plane.draw(axes)
+    figure.legend(handles=plane.handles(), loc="outside lower left", ncols=8, fontsize=8, handlelength=1.6)
+    return figure
 
 
 def _title(result: Result) -> str:
@@ -75,56 +83,13 @@ def _title(result: Result) -> str:
             for bounds in (tube.speed, tube.curvature, tube.acceleration)
         )
         parts.append(f"$v_r$ {speed} m/s, $\\kappa$ {curvature} 1/m, $v_r'$ {acceleration} m/s$^2$")
+    elif held := sum(found.span is not None for found in result.segments):
+        parts.append("in one universal tube" if held == 1 else f"in universal tubes, {held} in turn")
     elif result.segments:
         parts.append(f"{result.segments[0].funnel.template.name} template")
     parts.append(result.verdict.value)
     if margin is not None:
-        parts.append(rf"$\lambda$ = {margin:.3g} s$^{{-1}}$ proven")
+        parts.append(rf"$\lambda = {margin:.3g}$ s$^{{-1}}$ proven")
     elif found is not None:
-        parts.append(rf"$\lambda$ = {found:.3g} s$^{{-1}}$ falsified, nothing proven")
+        parts.append(rf"$\lambda = {found:.3g}$ s$^{{-1}}$ falsified, nothing proven")
     return " · ".join(parts)
-
-
-def _draw_plane(axes: "Axes", result: Result) -> None:
-    for index, (segment, found) in enumerate(zip(result.problem.path.curve, result.segments, strict=False)):
-        theta = np.linspace(0.0, segment.duration, 400)
-        outlines = shadows(found.funnel, segment, theta)
-        axes.add_collection(PolyCollection(list(outlines), facecolor=EDGE_COLOUR, edgecolor=EDGE_COLOUR, lw=1.2))
-        axes.add_collection(PolyCollection(list(outlines), facecolor=FUNNEL_COLOUR, edgecolor="none"))
-        line = segment.poses(theta)
-        axes.plot(line[:, 1], line[:, 2], color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)))
-        if index < len(result.rollouts):
-            cars = result.rollouts[index]
-            where = positions(segment, cars.theta, cars.x)
-            for car in range(where.shape[1]):
-                colour = CAR_COLOURS[car % len(CAR_COLOURS)]
-                axes.plot(where[:, car, 0], where[:, car, 1], color=colour, lw=0.6, alpha=0.8)
-                axes.plot(*where[0, car], ".", color=colour, ms=2.5)
-        axes.plot(*outlines[0].T, color=INLET_COLOUR, lw=1.2)
-        axes.plot(*outlines[-1].T, color=GOAL_COLOUR, lw=1.2)
-    axes.set(xlabel="$x$ (m)", ylabel="$y$ (m)")
-    axes.set_aspect("equal")
-    axes.autoscale_view()
-    axes.margins(0.04)
-    handles = [
-        Patch(facecolor=FUNNEL_COLOUR, edgecolor=EDGE_COLOUR, label="funnel"),
-        Line2D([], [], color=INLET_COLOUR, lw=1.2, label="start"),
-        Line2D([], [], color=GOAL_COLOUR, lw=1.2, label="end"),
-        Line2D([], [], color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)), label="reference"),
-        Line2D([], [], color=CAR_COLOURS[0], lw=0.8, label="cars"),
-    ]
-    axes.figure.legend(handles=handles, loc="outside lower left", ncols=5, fontsize=8, handlelength=1.6)
-
-
-def _draw_values(axes: "Axes", result: Result) -> None:
-    offset = 0.0
-    for segment, cars in zip(result.problem.path.segments, result.rollouts, strict=False):
-        for car in range(cars.theta.shape[1]):
-            last = int(np.argmax(cars.theta[:, car])) + 1
-            colour = CAR_COLOURS[car % len(CAR_COLOURS)]
-            axes.plot(offset + cars.theta[:last, car], cars.value[:last, car], color=colour, lw=0.6, alpha=0.8)
-        offset += segment.duration
-    if result.segments:
-        draw_shell(axes, result.segments[0].funnel)
-    axes.set(xlabel=r"reference time $\theta$ (s)", ylabel=r"$V(\theta, x)$", ylim=(0, 1.05))
-    axes.set_xlim(0, max(offset, 1e-9))

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 FUNNEL_COLOUR, EDGE_COLOUR = "#cfe3f5", "#4c86b8"
 INLET_COLOUR, GOAL_COLOUR, REFERENCE_COLOUR = "#2b8a3e", "#c92a2a", "#111111"
+BODY_COLOUR, BODY_EDGE_COLOUR, OBSTACLE_COLOUR = "#eceff2", "#adb5bd", "#343a40"
+SPEED_COLOUR, FAILED_COLOUR = "#0b7285", "#e03131"
 CAR_COLOURS = ("#e8590c", "#9c36b5", "#0b7285", "#5c940d", "#a61e4d", "#364fc7")
 STYLE: dict[Any, Any] = {
     "font.family": "serif",

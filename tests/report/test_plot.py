@@ -1,0 +1,186 @@
+"""The picture: regions against slow references, and nothing clipped, hidden or skewed."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+import shapely
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from cfjax.conf import preset, preset_names, problem_of
+from cfjax.funnel import Funnel, template_named
+from cfjax.problem import Disc, FootprintDisc, Problem
+from cfjax.report.along import panels, spans_of
+from cfjax.report.plane import Course, Plane, body_region, disc_shadows, positions, shadows, swept
+from cfjax.report.plot import picture_of, save_picture
+from cfjax.report.style import STYLE
+from cfjax.result import Result, Rollouts, StretchMargin
+from cfjax.verdict import Verdict
+from tests.shapes import eight
+
+
+Make = Callable[..., Result]  # hand_made
+
+SHAPE = np.array([[6.0, 1.5, -0.5, 0.3], [1.5, 5.0, 0.8, 0.1], [-0.5, 0.8, 4.5, 0.4], [0.3, 0.1, 0.4, 7.0]])
+FUNNEL = Funnel(template_named("contracting"), 4 * SHAPE, 0.8, 1.7359, 0.9)
+
+
+def _problem(name: str) -> Problem:
+    return problem_of(preset(name))
+
+
+def _inside(funnel: Funnel, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Deviations on the funnel's boundary, one per θ."""
+    direction = rng.normal(size=(len(theta), 4))
+    return direction * np.sqrt(funnel.level(theta) / funnel.form(direction))[:, None]
+
+
+def test_swept_shadow_is_the_union_of_many_ellipses() -> None:
+    course = Course(_problem("obstacle").path)
+    few, many = course.between(0.0, FUNNEL.duration, 0.1, 10_000), np.linspace(0.0, FUNNEL.duration, 1500)
+    region = swept(shadows(FUNNEL, few, course(few)))
+    union = shapely.union_all(shapely.polygons(shadows(FUNNEL, many, course(many))))
+    assert shapely.hausdorff_distance(region.exterior, union.exterior) < 2e-3
+    assert region.area == pytest.approx(union.area, rel=2e-3)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3, -0.2])
+def test_the_body_is_where_cars_of_the_funnel_are_and_no_farther(offset: float) -> None:
+    course, rng = Course(_problem("obstacle").path), np.random.default_rng(0)
+    theta = course.between(0.0, FUNNEL.duration, 0.1, 10_000)
+    region = body_region(FUNNEL, theta, course(theta), [FootprintDisc(0.1, offset)])
+    at = np.repeat(np.linspace(0.0, FUNNEL.duration, 40), 500)
+    x, poses = _inside(FUNNEL, at, rng), course(at)
+    origins = positions(course, at[:, None], x[:, None])[:, 0]
+    alpha = poses[:, 0] + x[:, 0]
+    centres = origins + offset * np.stack([-np.sin(alpha), np.cos(alpha)], axis=-1)
+    bodies = shapely.buffer(shapely.points(centres), 0.1)
+    assert shapely.difference(shapely.union_all(bodies), shapely.buffer(region, 2e-3)).is_empty
+    if not offset:
+        plain = shapely.buffer(swept(shadows(FUNNEL, theta, course(theta))), 0.1, quad_segs=24)
+        assert shapely.hausdorff_distance(region, plain) < 1e-9
+
+
+def test_hull_of_a_disc_ahead_is_tight() -> None:
+    course, theta = Course(_problem("obstacle").path), np.array([0.4])
+    pose = course(theta)
+    (corners,) = disc_shadows(FUNNEL, theta, pose, 0.3)
+    x = _inside(FUNNEL, np.repeat(theta, 100_000), np.random.default_rng(1))
+    alpha = pose[0, 0] + x[:, 0]
+    poses = np.repeat(theta, len(x))[:, None]
+    ahead = 0.3 * np.stack([-np.sin(alpha), np.cos(alpha)], axis=-1)
+    seen = shapely.convex_hull(shapely.multipoints(positions(course, poses, x[:, None])[:, 0] + ahead))
+    assert shapely.hausdorff_distance(shapely.convex_hull(shapely.multipoints(corners)), seen) < 0.02
+
+
+def test_cars_are_where_the_segments_poses_say() -> None:
+    path = _problem("figure_eight").path
+    theta = np.array([0.5, path.curve[0].duration + 1.5])
+    found = positions(Course(path), theta[:, None], np.zeros((2, 1, 4)))[:, 0]
+    wanted = [path.curve[0].poses(np.array([0.5]))[0, 1:], path.curve[1].poses(np.array([1.5]))[0, 1:]]
+    np.testing.assert_allclose(found, wanted, atol=1e-7)
+
+
+def _with_cars(result: Result) -> Result:
+    """Cars by hand, that stay a little off the reference."""
+    end = sum(segment.duration for segment in result.problem.path.curve)
+    theta = np.linspace(0.0, end, 50)[:, None] * np.ones((1, 3))
+    x = np.zeros((50, 3, 4)) + 0.05 * np.arange(3)[None, :, None]
+    return result.replace(rollouts=(Rollouts(theta, theta, x, 0.5 * np.exp(-theta)),))
+
+
+def _certified(result: Result) -> Result:
+    """As if it were proven in two stretches for each segment."""
+    halves = [
+        (StretchMargin(0.0, s.duration / 3, 0.4), StretchMargin(s.duration / 3, s.duration, 0.3))
+        for s in result.problem.path.curve
+    ]
+    segments = zip(result.segments, halves, strict=True)
+    return _with_cars(result).replace(
+        verdict=Verdict.CERTIFIED,
+        segments=tuple(replace(found, margin_certified=0.3, stretches=each) for found, each in segments),
+    )
+
+
+def _failed(result: Result) -> Result:
+    return result.replace(failed_at=(0.3, 0.6))
+
+
+def _touching(result: Result) -> Result:
+    return result.replace(failed_at=(0.3, 0.3))
+
+
+def _without_candidate(result: Result) -> Result:
+    return result.replace(segments=(), closed_loop=None)
+
+
+PATHS = [name for name in preset_names() if name not in ("waypoints", "tube")]
+
+
+def _all_in_place(result: Result) -> None:
+    """Axes and what belongs to them lie in the figure and beside each other; metres are as long in y as in x."""
+    with matplotlib.rc_context(STYLE):
+        figure = picture_of(result)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        renderer = canvas.get_renderer()
+        boxes = [axes.get_tightbbox(renderer) for axes in figure.axes if axes.get_ylabel()[:4] != "$v_r"]
+        boxes += [legend.get_window_extent(renderer) for legend in figure.legends]
+        assert figure._suptitle is not None  # pyright: ignore[reportAttributeAccessIssue]
+        boxes.append(figure._suptitle.get_window_extent(renderer))  # pyright: ignore[reportAttributeAccessIssue]
+        for box in boxes:
+            assert box.x0 >= -1 and box.y0 >= -1
+            assert box.x1 <= figure.bbox.width + 1 and box.y1 <= figure.bbox.height + 1
+        for one, other in combinations(boxes, 2):
+            assert not one.padded(-2).overlaps(other.padded(-2))
+        plane = next(axes for axes in figure.axes if axes.get_xlabel() == "$x$ (m)")
+        (x0, y0), (x1, y1) = plane.transData.transform([(0.0, 0.0), (1.0, 1.0)])
+        assert x1 - x0 == pytest.approx(y1 - y0)
+
+
+@pytest.mark.parametrize("state", [_certified, _failed, _without_candidate], ids=lambda state: state.__name__)
+@pytest.mark.parametrize("name", PATHS)
+def test_nothing_is_clipped_or_hidden(hand_made: Make, name: str, state: Callable[[Result], Result]) -> None:
+    _all_in_place(state(hand_made(_problem(name))))
+
+
+def test_a_long_chain_with_varying_speed(hand_made: Make, write: Callable[..., Path]) -> None:
+    config = preset("waypoints", [f"path.file={write(eight())}", "path.closed=true", "path.speed=3"])
+    _all_in_place(_certified(hand_made(problem_of(config))))
+
+
+def test_picture_is_a_file(hand_made: Make, tmp_path: Path) -> None:
+    for index, result in enumerate((hand_made(_problem("oval")), _touching(hand_made(_problem("obstacle_tight"))))):
+        save_picture(result, tmp_path / f"{index}.png")
+        assert (tmp_path / f"{index}.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_panels_say_something(hand_made: Make) -> None:
+    assert len(panels(_certified(hand_made(_problem("circle"))))) == 1  # nothing varies but V
+    assert len(panels(hand_made(_problem("circle")))) == 0
+    assert len(panels(_certified(hand_made(_problem("oval"))))) == 3
+    assert len(panels(_failed(hand_made(_problem("oval"))))) == 2
+    assert len(panels(_without_candidate(hand_made(_problem("oval"))))) == 1
+
+
+def test_inlets_and_outlets_of_every_segment(hand_made: Make) -> None:
+    result = hand_made(_problem("slalom"))
+    plane = Plane(result)
+    assert len(plane.inlets) == len(plane.outlets) == len(spans_of(result)) == 6
+    for outlet, inlet in zip(plane.outlets, plane.inlets[1:], strict=False):  # the funnels made by hand contract
+        assert shapely.contains_properly(shapely.Polygon(inlet), shapely.Polygon(outlet))
+
+
+def test_far_obstacles_do_not_shrink_the_picture(hand_made: Make) -> None:
+    problem = _problem("obstacle")
+    near = Plane(hand_made(problem)).view
+    far = replace(problem, obstacles=(*problem.obstacles, Disc(40.0, 0.0, 2.0)))
+    assert Plane(hand_made(far)).view == near
+    wide = replace(problem, obstacles=(*problem.obstacles, Disc(0.0, 22.0, 20.0)))
+    low, high = Plane(hand_made(wide)).view[2:]
+    assert near[3] < high < near[3] + 0.3 * (near[1] - near[0])
+    assert low == near[2]
