@@ -33,8 +33,8 @@ from cfjax.check import Outcome, Report, check_file
 from cfjax.check.containment import half_widths
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Ellipsoid, Problem, Segment, Tube, Vehicle
-from cfjax.result import ClosedLoop, Result, SegmentResult
+from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
+from cfjax.result import ClosedLoop, Result, SegmentResult, StretchMargin
 from cfjax.verdict import Verdict
 
 
@@ -135,7 +135,11 @@ def _with_margins(result: Result, report: Report) -> Result:
     return result.replace(
         segments=tuple(
             dataclasses.replace(
-                segment, margin_certified=_rounded_down(margin), margin_per_metre=per_metre, contraction=way
+                segment,
+                margin_certified=_rounded_down(margin),
+                # the tubes that hold a path have one each: of their own certificates, which were replayed too
+                margin_per_metre=segment.margin_per_metre if segment.span else per_metre,
+                contraction=way,
             )
             for segment, margin in segments
         )
@@ -150,7 +154,7 @@ def _rounded_down(number: fmpq) -> float:
 
 def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
     nothing = {"margin_certified": None, "margin_per_metre": None, "contraction": None}
-    segments = tuple(dataclasses.replace(segment, **nothing) for segment in result.segments)
+    segments = tuple(dataclasses.replace(segment, **nothing, stretches=()) for segment in result.segments)
     return result.replace(verdict=verdict, message=message, segments=segments, document=None)
 
 
@@ -200,22 +204,27 @@ def result_json(result: Result) -> dict[str, Any]:
         "message": result.message,
         "method": problem.method.value,
         "path": problem.path.name,
+        "closed": problem.path.closed,
         "template": result.segments[0].funnel.template.name if result.segments else None,
         "margin": {"certified": _number(result.margin_certified), "falsified": _number(result.margin_falsified)},
         "margin_per_metre": _number(_margin_per_metre(result)),
-        "segments": [
-            _segment_json(problem, segment, found)
-            for segment, found in zip(problem.path.segments, result.segments, strict=False)
-        ],
+        "segments": [_segment_json(problem, found) for found in result.segments],
         "inputs": {name: [box.lower, box.upper] for name, box in zip(states, problem.inputs, strict=True)},
-        "vehicle": {"name": problem.vehicle.name, **numbers_of(problem.vehicle)},
+        "vehicle": {
+            "name": problem.vehicle.name,
+            **numbers_of(problem.vehicle),
+            "footprint": [[disc.radius, disc.offset] for disc in problem.footprint],
+        },
         "sets": {
             "inlet": list(problem.inlet.half_axes),
             "goal": list(problem.goal.half_axes),
             "safe": list(problem.safe.half_widths) if problem.safe else None,
+            "obstacles": [_obstacle_json(obstacle) for obstacle in problem.obstacles],
         },
+        "failed_at": list(result.failed_at) if result.failed_at else None,
         "seconds": {stage: round(value, 3) for stage, value in result.seconds.items()},
         "iterations": result.iterations,
+        "history": [{name: _number(value) for name, value in figures.items()} for figures in result.history],
         "closed_loop": _closed_loop_json(result.closed_loop) if result.closed_loop else None,
         "versions": versions(),
     }
@@ -232,7 +241,14 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _segment_json(problem: Problem, segment: Segment | Tube, found: SegmentResult) -> dict[str, Any]:
+def _obstacle_json(obstacle: Obstacle) -> dict[str, Any]:
+    """As in the configuration."""
+    if isinstance(obstacle, Disc):
+        return {"disc": [obstacle.x, obstacle.y, obstacle.radius]}
+    return {"polygon": [list(corner) for corner in obstacle.corners]}
+
+
+def _segment_json(problem: Problem, found: SegmentResult) -> dict[str, Any]:
     funnel, states = found.funnel, problem.vehicle.state_names
     content = {
         "duration": _number(funnel.duration),
@@ -244,6 +260,8 @@ def _segment_json(problem: Problem, segment: Segment | Tube, found: SegmentResul
         "beta_inner": float(funnel.inner),
         "margin_certified": _number(found.margin_certified),
         "margin_falsified": _number(found.margin_falsified),
+        "margin_sos": _number(found.margin_sos),
+        "stretches": [stretch._asdict() for stretch in found.stretches],  # θ of the segment; what is proven there
         # of {x' C x <= 1}, exactly and rounded up
         "half_widths": dict(zip(states, _half_widths(funnel), strict=True)),
     }
@@ -251,15 +269,18 @@ def _segment_json(problem: Problem, segment: Segment | Tube, found: SegmentResul
         # of each state's rate alone: with it V still does not grow on beta_lower <= V <= 1 at theta = 0
         absorbed = funnel.absorbed_disturbance(found.margin_certified)
         content["disturbance"] = {name: _below(bound) for name, bound in zip(states, absorbed, strict=True)}
-    if isinstance(segment, Tube):
+    if tube := problem.path.tube or found.reference:
         content["margin_per_metre"] = _number(found.margin_per_metre)
         content["contraction"] = {"level": float(funnel.inner), "metres": _number(found.contraction)}
-        content["reference"] = {
-            "speed": [segment.speed.lower, segment.speed.upper],
-            "curvature": [segment.curvature.lower, segment.curvature.upper],
-            "acceleration": [segment.acceleration.lower, segment.acceleration.upper],
-        }
+        content["reference"] = {name: list(ends) for name, ends in _bounds(tube).items()}
+    if found.span:
+        content["theta"] = list(found.span)  # along the whole path, s: where the tube holds it
     return content
+
+
+def _bounds(tube: Tube) -> dict[str, tuple[float, float]]:
+    named = {"speed": tube.speed, "curvature": tube.curvature, "acceleration": tube.acceleration}
+    return {name: (interval.lower, interval.upper) for name, interval in named.items()}
 
 
 def _below(value: float) -> float:
@@ -281,18 +302,30 @@ def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
 
 
 def _margin_per_metre(result: Result) -> float | None:
-    """That of a tube, or the smallest certified λ over the largest speed of its segment, 1/m."""
-    if result.problem.path.tube:
-        return result.segments[0].margin_per_metre if result.segments else None
-    margins = [
-        None if found.margin_certified is None else _below(found.margin_certified / _top_speed(segment))
-        for segment, found in zip(result.problem.path.curve, result.segments, strict=False)
-    ]
+    """The smallest of the tubes', or the smallest certified λ over the largest speed of its segment, 1/m.
+
+    Not stretch by stretch, where it might be more: the checker answers for a segment's margin, not for a stretch's.
+    """
+    if result.problem.path.tube or any(found.span for found in result.segments):
+        margins = [found.margin_per_metre for found in result.segments]
+    else:
+        margins = [
+            None if found.margin_certified is None else _below(found.margin_certified / _top_speed(segment))
+            for segment, found in zip(result.problem.path.curve, result.segments, strict=False)
+        ]
     return None if not margins or None in margins else min(m for m in margins if m is not None)
 
 
 def _top_speed(segment: Segment) -> float:
-    return float(np.max(segment.speed.polynomial(np.linspace(0.0, segment.duration, REFERENCE_ROWS))))
+    """m/s: at one of the profile's breaks, or where its slope vanishes; samples would miss it by a little."""
+    profile = segment.speed.polynomial
+    still = profile.derivative().roots(discontinuity=False, extrapolate=False)  # NaN where it vanishes all along
+    candidates = np.concatenate([profile.x, still[np.isfinite(still)]])
+    left = [c[0] for c in segment.speed.coefficients]  # at a break profile(x) is of the later piece: both sides count
+    right = [
+        np.polynomial.Polynomial(c)(h) for c, h in zip(segment.speed.coefficients, np.diff(profile.x), strict=True)
+    ]
+    return float(max(*left, *right, *profile(candidates)))
 
 
 def _number(value: float | None) -> float | None:
@@ -308,8 +341,8 @@ def numbers_of(vehicle: Vehicle) -> dict[str, Any]:
 def read_run(folder: Path) -> Result:
     """The result that stands in a run folder; its problem is built from config.yaml as it was for the run.
 
-    Figures are read as written (times are rounded there); the certificate is read, not checked: that is
-    `cfjax.check`'s work.
+    It is the one that was written, but for the cars' recorded ways, which are not kept, and times, which are rounded;
+    the certificate is read, not checked: that is `cfjax.check`'s work.
 
     Raises:
         InputError: where the folder holds no complete run, or something that is not one.
@@ -334,7 +367,9 @@ def read_run(folder: Path) -> Result:
             else None,
             seconds=data["seconds"],
             iterations=data["iterations"],
+            history=tuple(data.get("history", ())),
             document=document,
+            failed_at=tuple(data["failed_at"]) if data.get("failed_at") else None,
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
@@ -364,13 +399,17 @@ def _segment_of(data: dict[str, Any]) -> SegmentResult:
         data["beta_lower"],
         data["beta_inner"],
     )
-    falsified = data["margin_falsified"]
+    falsified, span = data["margin_falsified"], data.get("theta")
     return SegmentResult(
         funnel=funnel,
         margin_falsified=math.nan if falsified is None else falsified,
         margin_certified=data["margin_certified"],
         margin_per_metre=data.get("margin_per_metre"),
         contraction=data.get("contraction", {}).get("metres"),
+        margin_sos=data.get("margin_sos"),
+        reference=Tube(**{name: Interval(*ends) for name, ends in data["reference"].items()}) if span else None,
+        span=(span[0], span[1]) if span else None,
+        stretches=tuple(StretchMargin(**stretch) for stretch in data.get("stretches", ())),
     )
 
 

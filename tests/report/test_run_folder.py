@@ -4,6 +4,7 @@ import csv
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -14,8 +15,9 @@ from flint import fmpq
 from cfjax.check import Outcome, Report, check_file
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
+from cfjax.problem import Interval, Tube
 from cfjax.report.run_folder import Check, read_run, write_run
-from cfjax.result import Result
+from cfjax.result import Result, SegmentResult, StretchMargin
 from cfjax.verdict import Verdict
 from tests.shapes import eight, slalom
 
@@ -58,19 +60,102 @@ def test_fields_of_result_json(hand_made: Make, tmp_path: Path) -> None:
     data = json.loads((tmp_path / "run" / "result.json").read_text())
     assert set(data) >= {
         *("verdict", "message", "method", "path", "template", "margin", "margin_per_metre", "segments", "inputs"),
-        *("vehicle", "sets", "seconds", "iterations", "closed_loop", "versions"),
+        *("vehicle", "sets", "seconds", "iterations", "closed_loop", "versions", "closed", "failed_at", "history"),
     }
     assert data["margin"] == {"certified": None, "falsified": 1 / 3}
     assert data["inputs"] == {"u0": [0.5, 2.0], "w": [-1.0, 1.0], "thrust": [-4.0, 4.0]}
     assert data["vehicle"]["name"] == "kinematic_bicycle"
     assert data["vehicle"]["wheelbase"] == 0.34
-    assert data["sets"] == {"inlet": [0.5] * 4, "goal": [0.5] * 4, "safe": [1.0, 1.0, 1.0, 3.0]}
+    assert data["sets"] == {"inlet": [0.5] * 4, "goal": [0.5] * 4, "safe": [1.0, 1.0, 1.0, 3.0], "obstacles": []}
+    assert data["closed"] is True and data["failed_at"] is None
     (segment,) = data["segments"]
     assert set(segment) == {
         *("duration", "C", "template", "rate", "beta", "beta_lower", "beta_inner", "margin_certified"),
-        *("margin_falsified", "half_widths"),
+        *("margin_falsified", "margin_sos", "stretches", "half_widths"),
     }
     assert segment["beta"] == 1.0
+
+
+def test_obstacles_and_body_stand_there_as_they_are_configured(hand_made: Make, tmp_path: Path) -> None:
+    config = preset("obstacle", ["vehicle.footprint=[[0.2,0.1],[0.2,-0.1]]", "sets.obstacles=[{disc:[0,0,0.1]}]"])
+    square = {"polygon": [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]}
+    for name, asked, obstacles in (("disc", config, [{"disc": [0, 0, 0.1]}]), ("square", preset("obstacle"), [square])):
+        write_run(hand_made(problem_of(asked)), tmp_path / name, yaml_of(asked))
+        data = json.loads((tmp_path / name / "result.json").read_text())
+        assert data["sets"]["obstacles"] == obstacles == asked.sets.obstacles
+        assert data["vehicle"]["footprint"] == asked.vehicle.footprint
+
+
+def test_a_chain_with_stretches_is_read_as_it_was_written(hand_made: Make, tmp_path: Path) -> None:
+    stretches = (StretchMargin(0.0, 1.25, 0.5), StretchMargin(1.25, 4.5, RATIONAL))
+    claimed = hand_made(problem_of(preset("oval")), **CLAIMS)
+    segments = tuple(replace(found, stretches=stretches, margin_sos=0.4) for found in claimed.segments)
+    written = write_run(
+        claimed.replace(segments=segments),
+        tmp_path,
+        yaml_of(preset("oval")),
+        check=lambda path: Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),) * 2),
+    )
+    read = read_run(tmp_path)
+    assert [found.stretches for found in read.segments] == [stretches] * 2
+    for mine, theirs in zip(read.segments, written.segments, strict=True):
+        np.testing.assert_array_equal(mine.funnel.shape, theirs.funnel.shape)
+        assert replace(mine, funnel=theirs.funnel) == theirs
+    assert read.replace(segments=()) == written.replace(segments=(), seconds=read.seconds)
+
+
+def test_where_a_proof_failed_is_kept_and_no_stretch_of_it(hand_made: Make, tmp_path: Path) -> None:
+    failed = hand_made(problem_of(preset("oval")), failed_at=(4.75, 5.0))
+    segments = tuple(replace(found, stretches=(StretchMargin(0.0, 4.0, 0.5),)) for found in failed.segments)
+    write_run(failed.replace(segments=segments), tmp_path, yaml_of(preset("oval")))
+    read = read_run(tmp_path)
+    assert read.failed_at == (4.75, 5.0)
+    assert [found.stretches for found in read.segments] == [(), ()]
+
+
+def test_margin_per_metre_is_of_the_largest_speed(hand_made: Make, write: Callable[..., Path], tmp_path: Path) -> None:
+    config = preset("waypoints", [f"path.file={write(eight())}", "path.closed=true", "path.speed=3"])
+    problem = problem_of(config)
+    speeds = [s.speed.polynomial(np.linspace(0.0, s.duration, 20_001)) for s in problem.path.curve]
+    assert max(map(np.ptp, speeds)) > 0.1
+    tops = [float(speed.max()) for speed in speeds]
+    claimed = hand_made(problem, **CLAIMS)
+    margins = tuple(fmpq(k + 20, 100) for k in range(len(tops)))
+    write_run(
+        claimed,
+        tmp_path / "run",
+        yaml_of(config),
+        check=lambda path: Report(Outcome.PROVEN, "proven", margins=margins),
+        points=(tmp_path / "points.csv").read_bytes(),
+    )
+    data = json.loads((tmp_path / "run" / "result.json").read_text())
+    sampled = min((k + 20) / 100 / top for k, top in enumerate(tops))
+    assert data["margin_per_metre"] <= sampled * (1 + 1e-15)
+    assert data["margin_per_metre"] == pytest.approx(sampled, rel=1e-7)
+
+
+def test_a_path_held_by_tubes_is_read_as_it_was_written(hand_made: Make, tmp_path: Path) -> None:
+    claimed = hand_made(problem_of(preset("oval")), **CLAIMS)
+    first = claimed.segments[0]
+    funnel = replace(first.funnel, rate=0.0, duration=math.inf)
+    bounds = Tube(curvature=Interval(-2.5, 2.5), speed=Interval(0.5, 4.0), acceleration=Interval(-1.0, 1.0))
+    spans = ((0.0, 3.0), (3.0, 7.5), (7.5, 9.6875))
+    segments = tuple(
+        SegmentResult(funnel, 0.5, margin_per_metre=1 / (k + 2), reference=bounds, span=span)
+        for k, span in enumerate(spans)
+    )
+    written = write_run(
+        claimed.replace(segments=segments),
+        tmp_path,
+        yaml_of(preset("oval")),
+        check=lambda path: Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),) * 3),
+    )
+    data = json.loads((tmp_path / "result.json").read_text())
+    assert [segment["theta"] for segment in data["segments"]] == [list(span) for span in spans]
+    assert data["segments"][0]["reference"]["speed"] == [0.5, 4.0]
+    assert data["margin_per_metre"] == 0.25
+    for mine, theirs in zip(read_run(tmp_path).segments, written.segments, strict=True):
+        assert replace(mine, funnel=theirs.funnel) == replace(theirs, margin_certified=RATIONAL)
 
 
 def test_reference_samples_the_path_at_full_precision(hand_made: Make, tmp_path: Path) -> None:
