@@ -1,14 +1,15 @@
-"""The paper's straight and circle rows, both methods and templates: margins found and proven beside its verdict.
+"""The paper's rows, both methods and templates: margins found and proven beside its verdict.
 
     python experiments/paper_table.py [--output FOLDER] [--only TEXT] [--cars N]
 
 Prints one table and writes it as paper_table.csv and paper_table.md. "Best before" are the best falsified margins of
-the trials that preceded this implementation (shell [0.9, 1], u0 ∈ [0.5, 2]).
+the trials that preceded this implementation (shell [0.9, 1], u0 ∈ [0.5, 2]); of the oval, those of one half.
 """
 
 import argparse
 import math
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from cfjax.synthesis import synthesize
 
 
 # preset, speed key or None, best falsified margins before (1/s) as (PF, TT): paper's template, contracting one
-ROWS: dict[str, tuple[str, float | None, tuple[float | None, float | None], tuple[float, float]]] = {
+STEADY: dict[str, tuple[str, float | None, tuple[float | None, float | None], tuple[float, float]]] = {
     "straight": ("straight", None, (0.20, None), (2.29, 1.50)),
     "straight_long": ("straight_long", None, (0.31, 0.08), (2.54, 2.06)),
     "straight_restricted": ("straight_restricted", None, (0.28, None), (2.62, 0.42)),
@@ -27,6 +28,12 @@ ROWS: dict[str, tuple[str, float | None, tuple[float | None, float | None], tupl
     "circle, π m/s": ("circle", math.pi, (0.82, 0.17), (4.82, 2.30)),
     "circle, 10π m/s": ("circle", 10 * math.pi, (8.56, 1.75), (13.7, 10.4)),
 }
+CURVED: dict[str, tuple[str, float | None, tuple[float | None, float | None], tuple[float, float]]] = {
+    "oval, 1 m/s": ("oval", None, (0.24, 0.16), (0.48, 0.43)),
+    "obstacle": ("obstacle", None, (1.27, 0.80), (2.65, 2.04)),
+    "obstacle_tight": ("obstacle_tight", None, (0.29, None), (2.23, 1.12)),
+}
+ROWS = STEADY | CURVED
 TEMPLATES = ("paper", "contracting")
 METHODS = ("pf", "tt")
 
@@ -49,9 +56,9 @@ class Line:
     seconds: float
 
 
-def cases() -> list[tuple[str, str, str]]:
+def cases(rows: Iterable[str] = ROWS) -> list[tuple[str, str, str]]:
     """All (row, template, method), in the order of the table."""
-    return [(row, template, method) for row in ROWS for template in TEMPLATES for method in METHODS]
+    return [(row, template, method) for row in rows for template in TEMPLATES for method in METHODS]
 
 
 def best_before(row: str, template: str, method: str) -> float | None:
@@ -85,6 +92,10 @@ def run(row: str, template: str, method: str, cars: int) -> Line:
     )
 
 
+def _number(margin: float | None) -> float:
+    return math.nan if margin is None else margin
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -99,7 +110,7 @@ def main() -> None:
             lines.append(line)
             print(
                 f"{line.row:20} {line.template:12} {line.method}  {line.verdict:12} "
-                f"falsified {line.falsified:8.4f}  certified {line.certified or math.nan:8.4f}  "
+                f"falsified {_number(line.falsified):8.4f}  certified {_number(line.certified):8.4f}  "
                 f"lost {line.cars_lost}  {line.seconds:5.1f} s",
                 flush=True,
             )

@@ -6,7 +6,9 @@
 import math
 from dataclasses import dataclass
 
-from cfjax.problem import Method, Problem
+import numpy as np
+
+from cfjax.problem import Method, Problem, Segment
 from cfjax.verdict import Verdict
 
 
@@ -27,8 +29,12 @@ PAPER_ROWS = (
     PaperRow("circle", math.pi / 2, found_pf=True, found_tt=True),
     PaperRow("circle", math.pi, found_pf=True, found_tt=False),
     PaperRow("circle", 10 * math.pi, found_pf=True, found_tt=None),
+    PaperRow("oval", 1.0, found_pf=True, found_tt=False),  # the paper gives no speed: this is the preset's
+    PaperRow("obstacle", 2.0, found_pf=True, found_tt=False),
+    PaperRow("obstacle_tight", 2.0, found_pf=False, found_tt=None),
 )
 SAME = 1e-3  # relative: 3.1416 on the command line is the paper's π
+SAMPLES = 33  # of each segment, where its curvature is compared
 
 
 def paper_found(problem: Problem, preset: Problem) -> bool | None:
@@ -40,19 +46,30 @@ def paper_found(problem: Problem, preset: Problem) -> bool | None:
     same = ("inlet", "goal", "safe", "obstacles", "footprint", "vehicle")
     if any(getattr(problem, part) != getattr(preset, part) for part in same):
         return None
-    if len(problem.path.curve) != 1 or not problem.path.curve[0].is_steady:
+    own, original = problem.path.curve, preset.path.curve
+    if not own or len(own) != len(original) or not all(map(_same_course, own, original)):
         return None
-    (segment,), (original,) = problem.path.curve, preset.path.curve
-    speed, usual = segment.point(0.0).speed, original.point(0.0).speed
-    same_curvature = math.isclose(
-        segment.point(0.0).turn_rate / speed, original.point(0.0).turn_rate / usual, rel_tol=SAME
-    )
-    if not same_curvature or not math.isclose(segment.duration * speed, original.duration * usual, rel_tol=SAME):
-        return None
+    speed = own[0].point(0.0).speed
     for row in PAPER_ROWS:
         if row.preset == problem.path.name and math.isclose(row.speed, speed, rel_tol=SAME):
             return row.found_pf if problem.method is Method.PF else row.found_tt
     return None
+
+
+def _same_course(segment: Segment, original: Segment) -> bool:
+    """Whether they are the same curve, each at a constant speed of its own."""
+    if not (segment.speed.is_constant and original.speed.is_constant):
+        return False
+    (curvature, length), (usual, usual_length) = _course(segment), _course(original)
+    near = SAME * float(np.abs(usual).max())
+    return math.isclose(length, usual_length, rel_tol=SAME) and np.allclose(curvature, usual, rtol=0, atol=near)
+
+
+def _course(segment: Segment) -> tuple[np.ndarray, float]:
+    """Curvature (1/m) at equal shares of the segment, and length (m)."""
+    speed = segment.point(0.0).speed
+    theta = np.linspace(0.0, segment.duration, SAMPLES)
+    return segment.turn_rate.polynomial(theta) / speed, segment.duration * speed
 
 
 def agreement(verdict: Verdict, found: bool | None) -> str:
