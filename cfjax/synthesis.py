@@ -14,7 +14,7 @@ from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for
 from cfjax.options import Options, Progress
-from cfjax.problem import Problem
+from cfjax.problem import Path, Problem
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation import Leg, drive_cars, drive_tube_cars
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
@@ -52,13 +52,18 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
         result = _by_segments(problem, options, progress)
     elif options.certificate == "tube":
         result = _by_tubes(problem, options, progress)
-    elif problem.obstacles or len(problem.path.distinct) <= MOST_FUNNELS:
+    elif problem.obstacles or _is_short(problem.path):
         result = _by_segments(problem, options, progress)
     else:
         result = _by_tubes(problem, options, progress)
         if result.verdict is not Verdict.CERTIFIED:
             result = _by_segments(problem, options, progress)
     return result.replace(seconds={**result.seconds, "total": time.perf_counter() - started})
+
+
+def _is_short(path: Path) -> bool:
+    """Whether funnels of its own cost little: a few, and at constant speed, for what varies doubles the proof."""
+    return len(path.distinct) <= MOST_FUNNELS and all(segment.speed.is_constant for segment in path.curve)
 
 
 def _by_segments(problem: Problem, options: Options, progress: Progress) -> Result:

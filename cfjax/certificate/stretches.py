@@ -42,7 +42,7 @@ MARGIN_BITS = 40  # of the margins that the document claims: rounded down
 USABLE = ("optimal",)
 HINT_ONLY = ("optimal_inaccurate",)  # Clarabel's AlmostSolved: no solution, but the exact replay may like it
 
-MOST_HALVINGS = 6  # of a segment
+MOST_HALVINGS, MOST_STRETCHES = 6, 20  # of a segment
 PATIENCE, LEAST_GAIN = 3, 1.003  # a margin that so many halvings do not raise is not limited by the stretch's length
 SAMPLES = 256  # of a stretch, in which bounds are looked for
 BOUND_BITS = 20  # of these bounds
@@ -303,7 +303,8 @@ class Prover:
             begin, end, before = open_.pop()
             with self._at(begin, end):
                 stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end))
-                last = len(before) >= MOST_HALVINGS or _is_stuck(before) or not self._can_gain(stretch)
+                enough = len(before) >= MOST_HALVINGS or len(found) + len(open_) + 2 > MOST_STRETCHES
+                last = enough or _is_stuck(before) or not self._can_gain(stretch)
                 try:
                     found.append(self.prove(stretch, 0.0 if last else target, before[-1].key if before else None))
                 except _TooLittle as short:
