@@ -45,9 +45,12 @@ def draw_shell(axes: "Axes", funnel: Funnel) -> None:
     axes.axhspan(funnel.beta_lower, 1.0, color=FUNNEL_COLOUR, lw=0, zorder=0)
     axes.annotate(
         rf"shell $V \in [{funnel.beta_lower:g}, 1]$: $\dot V \leq -\lambda$",
-        (0.98, 0.5 * (funnel.beta_lower + 1)),
+        (0.98, funnel.beta_lower),
         xycoords=("axes fraction", "data"),
+        xytext=(0, -3),  # below the shell, which is narrower than a line of text in a low panel
+        textcoords="offset points",
         ha="right",
-        va="center",
+        va="top",
         fontsize=8,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
     )
