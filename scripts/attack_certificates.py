@@ -24,11 +24,12 @@ from certificate_truth import (
     SECOND,
     TUBE,
     claim_of,
+    duration_of,
     is_true,
     is_tube,
     number,
     segment_of,
-    symmetric,
+    shape_of,
     worst_margin,
 )
 
@@ -142,13 +143,14 @@ def gram_size(rng: random.Random, document: Document) -> Document:
 
 def margin_raised(rng: random.Random, document: Document) -> Document:
     """λ or μ above the truth by 1e-9 … 1: in the claim, in the cells too, paid for out of Q₀ where it looks cheap."""
-    funnel, segment = document["funnels"][0], segment_of(document)
+    kind = rng.randrange(len(document["funnels"]))
+    funnel, segment = document["funnels"][kind], segment_of(document, kind)
     name = rng.choice(margin_names(document))
-    margin = Fraction(worst_margin(claim_of(document), name)) + Fraction(1, 10 ** rng.randint(0, 9))
+    margin = Fraction(worst_margin(claim_of(document, kind), name)) + Fraction(1, 10 ** rng.randint(0, 9))
     funnel[name] = str(margin)
     needed = margin * (Fraction(segment["speed"][1]) if name == METRE else 1)
     depth = rng.choice(["claim", "cells", "constant"])
-    for cell in _cells(document) if depth != "claim" else []:
+    for cell in [cell for own in _stretches(document, kind) for cell in own["cells"]] if depth != "claim" else []:
         more = max(needed, Fraction(cell["margin"])) * (1 + Fraction(rng.choice([0, 1, 100]), 10**6))
         if depth == "constant":
             gram = cell["grams"][0]
@@ -170,7 +172,8 @@ def margin_names(document: Document) -> list[str]:
 
 def pattern_left_out(rng: random.Random, document: Document) -> Document:
     """A cell left out, in place of another, or named as another."""
-    cells = _cells(document)
+    stretch = rng.choice(_stretches(document))
+    cells = stretch["cells"]
     k = rng.randrange(len(cells))
     kind = rng.choice(["out", "twice", "renamed", "signs", "piece", "half", "reference", "reference"])
     if kind == "out":
@@ -186,22 +189,22 @@ def pattern_left_out(rng: random.Random, document: Document) -> Document:
     elif kind == "piece":
         cells[k]["piece"] += rng.choice([-1, 1, 7])
     elif kind == "reference":
-        _references_mixed(rng, document)
+        _references_mixed(rng, stretch)
     else:
         del cells[len(cells) // 2 :]
     return document
 
 
-def _references_mixed(rng: random.Random, document: Document) -> None:
+def _references_mixed(rng: random.Random, stretch: Document) -> None:
     """A reference without its proof, with another's, or with the signs of another vertex."""
-    cells = _cells(document)
+    cells = stretch["cells"]
     one, other = rng.choice(cells)["reference"], rng.choice(cells)["reference"]
     kind = rng.choice(["out", "swapped", "copied", "signs", "number"])
     if kind == "copied":
         copies = [{**cell, "reference": one} for cell in cells if cell["reference"] == other]
-        document["proofs"][0]["cells"] = [cell for cell in cells if cell["reference"] != one] + copies
+        stretch["cells"] = [cell for cell in cells if cell["reference"] != one] + copies
     elif kind == "out":
-        document["proofs"][0]["cells"] = [cell for cell in cells if cell["reference"] != one] or cells[:1]
+        stretch["cells"] = [cell for cell in cells if cell["reference"] != one] or cells[:1]
     for cell in cells:
         if kind == "swapped":
             cell["reference"] = {one: other, other: one}.get(cell["reference"], cell["reference"])
@@ -234,7 +237,7 @@ def mirror_broken(rng: random.Random, document: Document) -> Document:
 
 def remainder_lowered(rng: random.Random, document: Document) -> Document:
     """The bound of an enclosure lowered, its range narrowed, its polynomial moved."""
-    entry = rng.choice(document["proofs"][0]["enclosures"])
+    entry = rng.choice(rng.choice(_stretches(document))["enclosures"])
     kind = rng.choice(["bound", "bound", "range", "coefficient", "function"])
     if kind == "bound":
         entry["bound"] = str(Fraction(entry["bound"]) * (1 - Fraction(1, 10 ** rng.randint(0, 12))))
@@ -300,19 +303,113 @@ def vehicle_changed(rng: random.Random, document: Document) -> Document:
 
 
 def path_changed(rng: random.Random, document: Document) -> Document:
-    """Another speed, turning rate or duration than the proof's."""
-    segment = segment_of(document)
-    if is_tube(segment):
+    """Another speed, turning rate or duration than the proof's, in one piece or all of them; other kinds, no lap."""
+    path = document["problem"]["path"]
+    if is_tube(path):
         return bounds_changed(rng, document)
-    name = rng.choice(["turn_rate", "speed", "duration"])
+    name = rng.choice(["turn_rate", "speed", "duration", "start", "kinds", "closed", "segment"])
     factor = 1 + Fraction(rng.choice([-1, 1]), rng.choice([2, 10, 100, 10**4, 10**8]))
-    if name == "duration":
-        segment["duration"] = str(Fraction(segment["duration"]) * factor)
-        for profile in ("turn_rate", "speed"):
-            segment[profile]["breaks"][1] = segment["duration"]
+    chosen = rng.choice([path["pieces"], [rng.choice(path["pieces"])]])
+    if name == "closed":
+        path["closed"] = not path["closed"]
+    elif name == "kinds":
+        path["kinds"] = [rng.randrange(len(document["funnels"])) for _ in path["kinds"]]
+    elif name == "start":
+        k = rng.randrange(3)
+        path["start"][k] = str(Fraction(path["start"][k]) + factor - 1)
+    elif name == "segment":
+        chosen[-1]["segment"] += rng.choice([-1, 1])
+    elif name == "duration":
+        for piece in chosen:
+            piece["duration"] = str(Fraction(piece["duration"]) * factor)
+        if rng.random() < 0.5:  # the proof says that it is about the same
+            _stretches(document)[-1]["end"] = str(duration_of(segment_of(document, len(document["funnels"]) - 1)))
     else:
-        values = segment[name]["coefficients"][0]
-        values[0] = str(Fraction(values[0]) * factor + (Fraction(1, 10) if values[0] == "0" else 0))
+        k = rng.randrange(len(chosen[0][name]))
+        for piece in chosen:
+            values = piece[name]
+            k = min(k, len(values) - 1)
+            values[k] = str(Fraction(values[k]) * factor + (Fraction(1, 10) if values[k] == "0" else 0))
+    return document
+
+
+def stretch_changed(rng: random.Random, document: Document) -> Document:
+    """A stretch left out, in place of another, longer or shorter, with other bounds or the cells of its neighbour."""
+    kind = rng.randrange(len(document["funnels"]))
+    stretches = _stretches(document, kind)
+    chosen, other = rng.choice(stretches), rng.choice(_stretches(document))
+    how = rng.choice(
+        ["out", "twice", "swapped", "end", "bounds", "bounds", "cells", "whitening", "enclosures", "first"]
+    )
+    if how == "out":
+        stretches.remove(chosen)
+    elif how == "twice":
+        stretches.insert(rng.randrange(len(stretches) + 1), dict(chosen))
+    elif how == "swapped":
+        stretches.reverse()
+    elif how == "first":
+        stretches[:] = [{**stretches[0], "end": stretches[-1]["end"]}]
+    elif how == "end":
+        by = Fraction(rng.choice([-1, 1]), 10 ** rng.randint(0, 15))
+        chosen["end"] = str(Fraction(chosen["end"]) + by)
+    elif how == "bounds":
+        name, side = rng.choice(TUBE), rng.randrange(2)
+        ends = chosen["bounds"][name]
+        ends[side] = str(Fraction(ends[side]) + Fraction(rng.choice([-1, 1]), 10 ** rng.randint(1, 15)))
+    else:
+        chosen[how] = other[how]
+    return document
+
+
+def place_changed(rng: random.Random, document: Document) -> Document:
+    """An obstacle moved or grown, a body enlarged, a half-plane turned or cut short; a path without any has its own."""
+    sets, proofs = document["problem"]["sets"], document["proofs"]
+    how = rng.choice(["corner", "round", "radius", "offset", "plane", "plane", "end", "out", "none", "more"])
+    if not sets["obstacles"] or how == "more":
+        corners = [[str(Fraction(round(rng.gauss(0, 2) * 64), 64)) for _ in range(2)] for _ in range(rng.randint(1, 3))]
+        sets["obstacles"].append({"corners": corners, "round": "1/4"})
+        sets["footprint"] = sets["footprint"] or [{"radius": "1/4", "offset": "0"}]
+        plane = {"end": "0", "normal": [str(rng.randint(-9, 9)), "1"]}
+        if is_tube(document["problem"]["path"]):
+            return document
+        kinds = document["problem"]["path"]["kinds"]
+        proofs["clearance"] = proofs["clearance"] or [[] for _ in kinds]
+        for kind, segment in zip(kinds, proofs["clearance"], strict=True):
+            end = str(duration_of(segment_of(document, kind)))
+            segment.append([[{**plane, "end": end}] for _ in sets["footprint"]])
+        return document
+    near = Fraction(rng.choice([-1, 1]), 10 ** rng.randint(0, 9))
+    obstacle, disc = rng.choice(sets["obstacles"]), rng.choice(sets["footprint"])
+    planes = rng.choice(rng.choice(rng.choice(proofs["clearance"])))
+    plane = rng.choice(planes)
+    if how == "corner":
+        corner, k = rng.choice(obstacle["corners"]), rng.randrange(2)
+        corner[k] = str(Fraction(corner[k]) + near)
+    elif how in ("radius", "offset"):
+        disc[how] = str(Fraction(disc[how]) + near)
+    elif how == "round":
+        obstacle["round"] = str(Fraction(obstacle["round"]) + abs(near))
+    elif how == "plane":
+        k = rng.randrange(2)
+        plane["normal"][k] = str(rng.choice([-1, 1]) * Fraction(plane["normal"][k]) + near)
+    elif how == "end":
+        plane["end"] = str(Fraction(plane["end"]) + near)
+    elif how == "out":
+        planes.remove(plane)
+    else:
+        proofs["clearance"] = []
+    return document
+
+
+def function_dropped(rng: random.Random, document: Document) -> Document:
+    """The graph without one of its functions: a constant or its argument in the place of sine or cosine."""
+    nodes = document["problem"]["vehicle"]["dynamics"]["nodes"]
+    index = rng.choice([k for k, node in enumerate(nodes) if node[0] in ("sin", "cos", "tan", "inv")])
+    nodes[index] = rng.choice([["constant", rng.choice(["0", "1"])], ["mul", nodes[index][1], nodes[index][1]]])
+    for stretch in _stretches(document):
+        stretch["enclosures"] = [entry for entry in stretch["enclosures"] if entry["node"] != index]
+    if rng.random() < 0.2:  # true of some other car
+        document["problem"]["vehicle"]["name"] = "other"
     return document
 
 
@@ -337,7 +434,7 @@ def bounds_changed(rng: random.Random, document: Document) -> Document:
 
 def funnel_changed(rng: random.Random, document: Document) -> Document:
     """Another V than the proof's."""
-    funnel = document["funnels"][0]
+    funnel = rng.choice(document["funnels"])
     kind = rng.choice(["shape", "shape", "scale", "rate", "beta_lower", "beta_inner", "levels", "template"])
     factor = 1 + Fraction(rng.choice([-1, 1]), rng.choice([2, 10, 100, 1000, 10**6, 10**10]))
     if kind == "template":
@@ -361,38 +458,37 @@ def failing_funnel(rng: random.Random, document: Document) -> Document:
     What is asked is raised until the best margin that the search finds is below zero by that much: the rate at which
     the funnel has to shrink, for a tube the curvature.
     """
-    funnel, segment = document["funnels"][0], segment_of(document)
+    kind = rng.randrange(len(document["funnels"]))
+    funnel, segment = document["funnels"][kind], segment_of(document, kind)
     below = Fraction(1, 10 ** rng.choice([7, 7, 5, 3, 2]))
     if is_tube(segment):
         segment["curvature"] = _with_curvature(segment, _failing_curvature(claim_of(document), below))["curvature"]
     else:
-        funnel["rate"] = str(_failing_rate(claim_of(document), below))
+        funnel["rate"] = str(_failing_rate(claim_of(document, kind), below))
     margin = Fraction(1, 10 ** rng.randint(8, 12))
     for name in margin_names(document):
         funnel[name] = str(margin)
     if rng.random() < 0.5:
-        for cell in _cells(document):
+        for cell in [cell for own in _stretches(document, kind) for cell in own["cells"]]:
             cell["margin"] = str(margin * 2)
     return document
 
 
 @lru_cache(maxsize=64)
 def _failing_rate(claim: str, below: Fraction) -> Fraction:
-    problem, funnel = json.loads(claim)
+    problem, funnel, segment = json.loads(claim)
     low, high = Fraction(funnel["rate"]), Fraction(funnel["rate"]) + 20
     if funnel["template"] == "paper":
-        high = min(high, Fraction(funnel["beta_inner"]) / Fraction(problem["path"]["segments"][0]["duration"]))
-    return _bisected(low, high, lambda rate: [problem, {**funnel, "rate": str(rate)}], below)
+        high = min(high, Fraction(funnel["beta_inner"]) / duration_of(segment))
+    return _bisected(low, high, lambda rate: [problem, {**funnel, "rate": str(rate)}, segment], below)
 
 
 @lru_cache(maxsize=64)
 def _failing_curvature(claim: str, below: Fraction) -> Fraction:
-    problem, funnel = json.loads(claim)
-    segment = problem["path"]["segments"][0]
+    problem, funnel, segment = json.loads(claim)
 
     def curved(upper: Fraction) -> Any:
-        path = {**problem["path"], "segments": [_with_curvature(segment, upper)]}
-        return [{**problem, "path": path}, funnel]
+        return [problem, funnel, _with_curvature(segment, upper)]
 
     upper = Fraction(segment["curvature"][1])
     return _bisected(upper, upper + 10, curved, below)
@@ -415,13 +511,14 @@ def _bisected(low: Fraction, high: Fraction, claim: Callable[[Fraction], Any], b
 def claim_turned(rng: random.Random, document: Document) -> Document:
     """A refutation made out of a proven funnel: every witness is wrong."""
     del document["proofs"]
-    duration = Fraction(segment_of(document).get("duration", "0"))
+    duration = duration_of(segment_of(document))
     states = len(document["problem"]["vehicle"]["states"])
     scale = rng.choice([0.1, 0.3, 0.5, 1, 3])
     document |= {
         "claim": "refutation",
         "witness": {
             "condition": rng.choice("abcd"),
+            "funnel": rng.randrange(len(document["funnels"])),
             "theta": str(rng.choice([Fraction(0), duration, duration * rng.randint(1, 9) / 10, -duration])),
             "reference": rng.choice([0, 0, rng.randrange(8), 8]),
             "x": [str(Fraction(round(rng.gauss(0, scale) * 2**20), 2**20)) for _ in range(states)],
@@ -457,8 +554,13 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         dynamics = changed["problem"]["vehicle"]["dynamics"]
         dynamics["nodes"], changed["problem"]["vehicle"]["name"] = nodes, "monster"
         dynamics["outputs"] = [len(nodes) - 1] * len(dynamics["outputs"])
-        changed["proofs"][0]["enclosures"] = list(enclosures)
+        _stretches(changed)[0]["enclosures"] = list(enclosures)
         return renewed(changed)
+
+    def bounds(changed: Document) -> Document:
+        """A tube's own, or those of a stretch."""
+        path = changed["problem"]["path"]
+        return path["tube"] if is_tube(path) else _stretches(changed)[0]["bounds"]
 
     def with_change(change: Callable[[Document], Any]) -> bytes:
         changed = json.loads(text)
@@ -477,9 +579,9 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         lambda: ("9" * 3_000_000).encode(),
         lambda: ("[" + "0," * 4_000_000 + "0]").encode(),
         lambda: ("[" + "[]," * 3_000_000 + "0]").encode(),
-        lambda: b" " * (9 * 2**20),
+        lambda: b" " * (33 * 2**20),
         lambda: text.replace(
-            '"version": 2', '"version": ' + rng.choice(["NaN", "1.0", "true", "1e999", "-Infinity"])
+            '"version": 3', '"version": ' + rng.choice(["NaN", "1.0", "true", "1e999", "-Infinity"])
         ).encode(),
         lambda: text.replace('"beta": "1"', '"beta": "1", "beta": "1"').encode(),
         lambda: with_nodes(exploding),
@@ -489,14 +591,14 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         lambda: with_nodes(sums),
         lambda: with_nodes(mirrors),
         lambda: with_change(lambda d: _cells(d)[0].update(reference=rng.choice([8, -1, 10**9, True, "0"]))),
-        lambda: with_change(lambda d: segment_of(d).update(curvature=rng.choice([["1", "-1"], [], ["0"] * 3, "1"]))),
-        lambda: with_change(lambda d: segment_of(d).update(speed=rng.choice([["0", "1"], ["-2", "-1"], ["1"]]))),
-        lambda: with_change(lambda d: segment_of(d).update(speed=["1", "1" + "0" * 399])),
-        lambda: with_change(lambda d: segment_of(d).update(duration="1", turn_rate="1")),
+        lambda: with_change(lambda d: bounds(d).update(curvature=rng.choice([["1", "-1"], [], ["0"] * 3, "1"]))),
+        lambda: with_change(lambda d: bounds(d).update(speed=rng.choice([["0", "1"], ["-2", "-1"], ["1"]]))),
+        lambda: with_change(lambda d: bounds(d).update(speed=["1", "1" + "0" * 399])),
+        lambda: with_change(lambda d: bounds(d).update(duration="1", turn_rate="1")),
         lambda: with_change(lambda d: d["funnels"][0].update(beta_inner=rng.choice(["0", "1", "-1", *ODD_RATIONALS]))),
         lambda: with_change(lambda d: d["funnels"][0].update(beta_inner="1/1" + "0" * 398)),
         lambda: with_change(lambda d: d["funnels"][0].update(margin_per_metre=rng.choice([0, "0", "-1", {}, "x"]))),
-        lambda: with_change(lambda d: d["proofs"][0].update(cells=_cells(d)[:1] * 1024)),
+        lambda: with_change(lambda d: _stretches(d)[0].update(cells=_cells(d)[:1] * 1024)),
         lambda: with_change(lambda d: _cells(d)[0]["grams"][0]["lower"].__setitem__(0, 2**65)),
         lambda: with_change(lambda d: d["funnels"][0].update(margin="1" + "0" * 399)),
         lambda: with_nodes([["input", "alpha"]] * 10_000),
@@ -508,21 +610,34 @@ def hostile_file(rng: random.Random, document: Document) -> bytes:
         lambda: with_change(lambda d: d["funnels"][0].update(rate=rng.choice(["1" + "0" * 300, "-100000", "65"]))),
         lambda: with_change(lambda d: d["funnels"][0].update(margin=rng.choice(ODD_RATIONALS))),
         lambda: with_change(
-            lambda d: d["proofs"][0].update(degrees=rng.choice([[8] * 6, [10**9] * 6, [], [3], [True] * 6]))
+            lambda d: d["proofs"]["decrease"][0].update(degrees=rng.choice([[8] * 6, [10**9] * 6, [], [3], [True] * 6]))
         ),
         lambda: with_change(lambda d: d["problem"].update(inputs=d["problem"]["inputs"] * rng.choice([0, 2, 400]))),
         lambda: with_change(lambda d: d["problem"]["vehicle"].update(states=["alpha", "x", "x", "v"])),
-        lambda: with_change(lambda d: d["problem"]["path"].update(segments=d["problem"]["path"]["segments"] * 2)),
+        lambda: with_change(lambda d: d["problem"]["path"].update(pieces=[], kinds=[0] * 2000)),
         lambda: with_change(lambda d: d["problem"]["path"].update(name="circle\x1b[2J")),
-        lambda: with_change(lambda d: d.update(proofs=d["proofs"] * 2)),
+        lambda: with_change(lambda d: d["proofs"].update(decrease=d["proofs"]["decrease"] * 2)),
         lambda: with_change(lambda d: d["funnels"][0].update(shape=["1" + "0" * 399 + "/3"] * 10)),
-        lambda: with_change(lambda d: d["proofs"][0].update(whitening=[["0"] * 4] * 4)),
+        lambda: with_change(lambda d: _stretches(d)[0].update(whitening=[["0"] * 4] * 4)),
     ]
     return rng.choice(makers)()
 
 
 def _cells(document: Document) -> list[Document]:
-    return document["proofs"][0]["cells"]
+    """Of all stretches: no list that the document holds."""
+    return [cell for stretch in _stretches(document) for cell in stretch["cells"]]
+
+
+def _stretches(document: Document, kind: int | None = None) -> list[Document]:
+    """The list of one funnel's, or all of them in a list that the document does not hold."""
+    proofs = document["proofs"]["decrease"]
+    return [own for proof in proofs for own in proof["stretches"]] if kind is None else proofs[kind]["stretches"]
+
+
+def _is_steady(document: Document) -> bool:
+    """Whether it is about a tube or one piece of constant turning rate and speed: a problem that is soon made again."""
+    path = document["problem"]["path"]
+    return is_tube(path) or (len(path["pieces"]) == 1 and not document["problem"]["sets"]["obstacles"])
 
 
 def _at(document: Any, path: tuple) -> Any:
@@ -551,6 +666,9 @@ ATTACKS: dict[str, tuple[Attack, int]] = {  # with weights
     "inputs changed": (inputs_changed, 4),
     "vehicle changed": (vehicle_changed, 6),
     "path changed": (path_changed, 8),
+    "stretch changed": (stretch_changed, 8),
+    "place changed": (place_changed, 8),
+    "function dropped": (function_dropped, 2),
     "mirror broken": (mirror_broken, 6),
     "funnel changed": (funnel_changed, 6),
     "failing funnel": (failing_funnel, 4),
@@ -581,7 +699,7 @@ def attack_candidate(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
     )
 
     rng = random.Random(f"{seed}:candidate:{index}")
-    document = json.loads(rng.choice(bases))
+    document = json.loads(rng.choice([base for base in bases if _is_steady(json.loads(base))]))
     spoil = rng.choice([failing_funnel, funnel_changed, sets_changed, path_changed])
     spoiled = spoil(rng, document)
     question, entry, segment = spoiled["problem"], spoiled["funnels"][0], segment_of(spoiled)
@@ -592,8 +710,8 @@ def attack_candidate(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
         if is_tube(segment):
             steady = Tube(*(Interval(*map(number, segment[name])) for name in TUBE))
         else:
-            constants = (segment[name]["coefficients"][0][0] for name in ("turn_rate", "speed"))
-            omega, speed = (Profile.constant(number(value), number(segment["duration"])) for value in constants)
+            constants = (segment[0][name][0] for name in ("turn_rate", "speed"))
+            omega, speed = (Profile.constant(number(value), number(segment[0]["duration"])) for value in constants)
             steady = Segment(omega, speed, Pose(0.0, 0.0, 0.0))
         problem = Problem(
             path=Path(question["path"]["name"], (steady,)),
@@ -603,7 +721,7 @@ def attack_candidate(index: int, seed: int, bases: list[str]) -> dict[str, Any]:
             vehicle=KinematicBicycle(**{k: number(v) for k, v in question["vehicle"]["parameters"].items()}),
             method=Method(question["method"]),
         )
-        shape = symmetric([number(value) for value in entry["shape"]])
+        shape = shape_of(entry)
         rate, *levels = (number(entry[name]) for name in ("rate", "beta_lower", "beta_inner"))
         funnel = Funnel(template_named(entry["template"]), shape, rate, steady.duration, *levels)
         found = certify(problem, [funnel], workers=2)
@@ -663,9 +781,14 @@ def attack(index: int, seed: int, bases: list[str], only: str | None = None) -> 
 def _same_or_weaker(document: Document, base: Document) -> bool:
     """Whether the file claims what the base did, with margins that are not larger."""
     names = margin_names(base)
-    given, before = document["funnels"][0], base["funnels"][0]
-    return claim_of(document) == claim_of(base) and all(
-        given[name] is not None and 0 < Fraction(given[name]) <= Fraction(before[name]) for name in names
+
+    def statement(file: Document) -> Any:
+        return [file["problem"], [{**funnel, SECOND: "", METRE: ""} for funnel in file["funnels"]]]
+
+    return statement(document) == statement(base) and all(
+        given[name] is not None and 0 < Fraction(given[name]) <= Fraction(before[name])
+        for given, before in zip(document["funnels"], base["funnels"], strict=True)
+        for name in names
     )
 
 

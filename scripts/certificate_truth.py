@@ -1,7 +1,8 @@
 """Whether what a certificate claims is true, in floating point and by a search: what the checker is held against.
 
 Nothing of the checker is used. The dynamics are evaluated from the graph in the document, on many points of the shell
-(and, for a tube, at many references within its bounds), the worst of them driven downhill.
+(at many θ of a segment, at many references within a tube's bounds), the worst of them driven downhill; links, the end
+of a lap and obstacles are sampled.
 """
 
 import json
@@ -17,6 +18,8 @@ Document = dict[str, Any]
 TOLERANCE = 1e-9
 TUBE = ("curvature", "speed", "acceleration")
 SECOND, METRE = "margin", "margin_per_metre"  # what a margin is counted in, by the name of its claim
+GAPS = (1e-6, 1e-9)  # rad or m, m/s: within which a lap is closed
+POSES = 129  # of each piece, at which obstacles are looked at
 
 
 def number(text: str) -> float:
@@ -25,63 +28,206 @@ def number(text: str) -> float:
 
 def is_true(document: Document, seed: int = 0) -> str:
     """Empty where nothing against the claim was found; else what is false."""
-    problem, funnel = document["problem"], document["funnels"][0]
-    segment, sets = segment_of(document), problem["sets"]
-    shape = symmetric([number(entry) for entry in funnel["shape"]])
-    end, widest = _levels(funnel, segment)
-    inlet, goal = (np.array([number(a) for a in sets[name]["half_axes"]]) for name in ("inlet", "goal"))
-    if np.linalg.eigvalsh(shape * np.outer(inlet, inlet))[-1] > 1 + TOLERANCE:
-        return "(a)"
-    if np.linalg.eigvalsh(shape * np.outer(goal, goal))[0] < end * (1 - TOLERANCE):
-        return "(b)"
-    reach = np.sqrt(widest * np.diag(np.linalg.inv(shape)))
-    limits = [number(width) for width in sets["safe"]["half_widths"]] if sets["safe"] else [np.inf] * len(reach)
-    limits[0] = min(limits[0], np.pi)
-    if np.any(reach > np.array(limits) * (1 + TOLERANCE)):
-        return "(c)"
+    problem, funnels = document["problem"], document["funnels"]
+    sets, path = problem["sets"], problem["path"]
+    kinds = [0] if is_tube(path) else path["kinds"]
     if problem["vehicle"]["name"] == "kinematic_bicycle" and not _is_bicycle(problem):
         return "vehicle"
-    claims = [name for name in (SECOND, METRE) if funnel[name] is not None]
-    if is_tube(segment) != (METRE in claims) or (is_tube(segment) and number(funnel["rate"])):
-        return "kind"
-    if any(not number(funnel[name]) > 0 for name in claims) or not number(problem["inputs"][0]["lower"]) > 0:
+    if not number(problem["inputs"][0]["lower"]) > 0:
         return "sign"
-    short = any(worst_margin(claim_of(document), name, seed) < number(funnel[name]) - TOLERANCE for name in claims)
-    return "(d)" if short else ""
+    limits = [number(width) for width in sets["safe"]["half_widths"]] if sets["safe"] else [np.inf] * 4
+    limits[0] = min(limits[0], np.pi)
+    for kind, funnel in enumerate(funnels):
+        shape, segment = shape_of(funnel), segment_of(document, kind)
+        end, widest = _levels(funnel, segment)
+        inlet, goal = (np.array([number(a) for a in sets[name]["half_axes"]]) for name in ("inlet", "goal"))
+        if kind == kinds[0] and np.linalg.eigvalsh(shape * np.outer(inlet, inlet))[-1] > 1 + TOLERANCE:
+            return "(a)"
+        if kind == kinds[-1] and np.linalg.eigvalsh(shape * np.outer(goal, goal))[0] < end * (1 - TOLERANCE):
+            return "(b)"
+        reach = np.sqrt(widest * np.diag(np.linalg.inv(shape)))
+        if np.any(reach > np.array(limits) * (1 + TOLERANCE)):
+            return "(c)"
+        claims = [name for name in (SECOND, METRE) if funnel[name] is not None]
+        if is_tube(path) != (METRE in claims) or (is_tube(path) and number(funnel["rate"])):
+            return "kind"
+        if any(not number(funnel[name]) > 0 for name in claims):
+            return "sign"
+    if not is_tube(path) and (false := _false_course(document)):
+        return false
+    if sets["obstacles"] and (is_tube(path) or _touches(document)):
+        return "obstacle"
+    for kind, funnel in enumerate(funnels):
+        claims = [name for name in (SECOND, METRE) if funnel[name] is not None]
+        if any(
+            worst_margin(claim_of(document, kind), name, seed) < number(funnel[name]) - TOLERANCE for name in claims
+        ):
+            return "(d)"
+    return ""
 
 
-def segment_of(document: Document) -> Document:
-    return document["problem"]["path"]["segments"][0]
+def segment_of(document: Document, kind: int = 0) -> Any:
+    """The tube's bounds, or the pieces of the first segment of a kind: the same objects as in the document."""
+    path = document["problem"]["path"]
+    if is_tube(path):
+        return path["tube"]
+    index = path["kinds"].index(kind)
+    return [piece for piece in path["pieces"] if piece["segment"] == index]
 
 
-def is_tube(segment: Document) -> bool:
-    return "curvature" in segment
+def is_tube(segment: Any) -> bool:
+    """Whether it is that of a path, or of a segment."""
+    return isinstance(segment, dict) and ("curvature" in segment or "tube" in segment)
 
 
-def claim_of(document: Document) -> str:
-    """What the true margins depend on."""
-    funnel = {**document["funnels"][0], SECOND: "", METRE: ""}
-    return json.dumps([document["problem"], funnel], sort_keys=True)
+def duration_of(segment: Any) -> Fraction:
+    return Fraction(0) if is_tube(segment) else sum((Fraction(piece["duration"]) for piece in segment), Fraction(0))
+
+
+def shape_of(funnel: Document) -> np.ndarray:
+    return symmetric([number(entry) for entry in funnel["shape"]])
+
+
+def claim_of(document: Document, kind: int = 0) -> str:
+    """What the true margins of one funnel depend on."""
+    funnel = {**document["funnels"][kind], SECOND: "", METRE: ""}
+    question = {name: document["problem"][name] for name in ("vehicle", "method", "inputs")}
+    return json.dumps([question, funnel, segment_of(document, kind)], sort_keys=True)
+
+
+# --- a course: joints, laps, obstacles
+
+
+def _false_course(document: Document) -> str:
+    path, funnels = document["problem"]["path"], document["funnels"]
+    count = len(path["kinds"])
+    segments = [[p for p in path["pieces"] if p["segment"] == index] for index in range(count)]
+    for index, kind in enumerate(path["kinds"]):
+        alike = segment_of(document, kind)
+        if [{**p, "segment": 0} for p in segments[index]] != [{**p, "segment": 0} for p in alike]:
+            return "kinds"
+        for before, after in zip(segments[index], segments[index][1:], strict=False):
+            if abs(_speed_after(before) - number(after["speed"][0])) > TOLERANCE:
+                return "speed"
+    poses = poses_of(document)
+    first, last = poses[0][0], poses[-1][-1]
+    turn = last[0] - first[0]
+    apart = [abs(turn - 2 * np.pi * round(turn / (2 * np.pi))), *np.abs(last[1:] - first[1:])]
+    jump = abs(_speed_after(segments[-1][-1]) - number(segments[0][0]["speed"][0]))
+    if path["closed"] and (max(apart) > 2 * GAPS[0] or jump > GAPS[1] + TOLERANCE):
+        return "closed"
+    for index in range(count if path["closed"] else count - 1):
+        after = (index + 1) % count
+        one, two = (funnels[path["kinds"][k]] for k in (index, after))
+        step = _speed_after(segments[index][-1]) - number(segments[after][0]["speed"][0])
+        if not _links(one, segments[index], two, step):
+            return "link"
+    return ""
+
+
+def _speed_after(piece: Document) -> float:
+    return float(_value(piece["speed"], Fraction(piece["duration"])))
+
+
+def _value(coefficients: list[str], at: Fraction) -> Fraction:
+    return sum((Fraction(c) * at**k for k, c in enumerate(coefficients)), Fraction(0))
+
+
+def _links(one: Document, segment: Any, two: Document, step: float) -> bool:
+    """Whether the end of one funnel, its reference's speed falling by `step` (m/s), lies in the start of the next."""
+    end = _levels(one, segment)[0]
+    inverse = np.linalg.inv(np.linalg.cholesky(shape_of(one)))
+    directions = np.random.default_rng(3).normal(size=(20_000, 4))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    _, vectors = np.linalg.eigh(inverse @ shape_of(two) @ inverse.T)  # the last is the worst where nothing jumps
+    directions = np.concatenate([directions, [vectors[:, -1], -vectors[:, -1]]])
+    points = np.sqrt(max(end, 0.0)) * directions @ inverse + np.array([0.0, 0.0, 0.0, step])
+    return bool(np.einsum("ni,ij,nj->n", points, shape_of(two), points).max() <= 1 + TOLERANCE)
+
+
+def poses_of(document: Document) -> list[np.ndarray]:
+    """Heading and position of the reference along each piece, (POSES, 3), by Gauss–Legendre quadrature."""
+    path = document["problem"]["path"]
+    pose = np.array([number(value) for value in path["start"]])
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    found = []
+    for piece in path["pieces"]:
+        omega, speed = (np.polynomial.Polynomial([number(c) for c in piece[name]]) for name in ("turn_rate", "speed"))
+        turned = omega.integ()
+        t = np.linspace(0, number(piece["duration"]), POSES)
+        half = np.diff(t)[:, None] / 2
+        at = t[:-1, None] + half * (1 + nodes)
+        heading = pose[0] + turned(at)
+        step = half * weights * speed(at)
+        moved = np.stack([-(step * np.sin(heading)).sum(1), (step * np.cos(heading)).sum(1)], axis=1)
+        places = pose[1:] + np.concatenate([np.zeros((1, 2)), np.cumsum(moved, axis=0)])
+        found.append(np.column_stack([pose[0] + turned(t), places]))
+        pose = found[-1][-1]
+    return found
+
+
+def _touches(document: Document) -> bool:
+    """Whether a deviation on the funnel's boundary, at some sampled place, brings a disc of the body to an obstacle."""
+    problem, funnels = document["problem"], document["funnels"]
+    path, sets = problem["path"], problem["sets"]
+    directions = np.random.default_rng(5).normal(size=(512, 4))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    theta = {}
+    for piece, poses in zip(path["pieces"], poses_of(document), strict=True):
+        index, begin = piece["segment"], theta.get(piece["segment"], 0.0)
+        funnel = funnels[path["kinds"][index]]
+        x = directions @ np.linalg.inv(np.linalg.cholesky(shape_of(funnel)))
+        at = np.linspace(begin, begin + number(piece["duration"]), POSES)
+        theta[index] = at[-1]
+        root = np.sqrt(np.maximum(_level(funnel, at), 0.0))
+        for disc in sets["footprint"]:
+            centres = body_centres(poses, root, x, number(disc["offset"])).reshape(-1, 2)
+            for obstacle in sets["obstacles"]:
+                corners = np.array([[number(x), number(y)] for x, y in obstacle["corners"]])
+                least = number(obstacle["round"]) + number(disc["radius"])
+                if distances(centres, corners).min() < least - TOLERANCE:
+                    return True
+    return False
+
+
+def body_centres(poses: np.ndarray, root: np.ndarray, x: np.ndarray, offset: float) -> np.ndarray:
+    """Centres (poses, deviations, 2) of a disc for deviations √ρ x (n, 4) at reference poses (m, 3)."""
+    alpha = poses[:, :1]
+    lateral = np.stack([np.cos(alpha), np.sin(alpha)], axis=-1)
+    forward = np.stack([-np.sin(alpha), np.cos(alpha)], axis=-1)
+    scaled = root[:, None, None] * x
+    heading = alpha + scaled[..., 0]
+    own = offset * np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
+    return poses[:, None, 1:] + scaled[..., 1:2] * lateral + scaled[..., 2:3] * forward + own
+
+
+def distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distances of points from the hull of corners; zero inside."""
+    import shapely
+
+    return np.asarray(shapely.distance(shapely.points(points), shapely.MultiPoint(corners).convex_hull))
+
+
+# --- condition (d)
 
 
 @lru_cache(maxsize=4096)
 def worst_margin(claim: str, unit: str = SECOND, seed: int = 0) -> float:
     """The smallest margin (1/s, or 1/m at u0 = 1) found: samples of shell and references, the worst moved downhill."""
-    problem, funnel = json.loads(claim)
+    problem, funnel, segment = json.loads(claim)
     rng = np.random.default_rng(seed)
-    shape = symmetric([number(entry) for entry in funnel["shape"]])
-    factor = np.linalg.cholesky(np.linalg.inv(shape))
-    low, high, margins = _margin_function(problem, funnel, shape, unit)
-    size = len(shape)
+    factor = np.linalg.cholesky(np.linalg.inv(shape_of(funnel)))
+    margins = _margin_function(problem, funnel, segment, unit)
+    size = len(factor)
     free = 1 + len(TUBE)  # coordinates in [0, 1] beside the direction: level and reference
 
     def at(points: np.ndarray) -> np.ndarray:
         directions = points[:, :size] / np.linalg.norm(points[:, :size], axis=1, keepdims=True)
-        fractions = np.clip(points[:, size:], 0, 1)
-        q = low + (high - low) * fractions[:, 0]
-        return margins(np.sqrt(q)[:, None] * directions @ factor.T, q, fractions[:, 1:])
+        return margins(directions @ factor.T, np.clip(points[:, size:], 0, 1))
 
     corners = rng.choice([0.0, 1.0, 0.5], size=(4096, free), p=[0.4, 0.4, 0.2])
+    if not is_tube(segment):
+        corners[::2, 1] = rng.uniform(size=2048)  # θ has no ends that are worst
     points = np.column_stack([rng.normal(size=(4096, size)), corners])
     points[:, :size] /= np.linalg.norm(points[:, :size], axis=1, keepdims=True)
     best = points[np.argsort(at(points))[:48]]
@@ -98,48 +244,72 @@ def worst_margin(claim: str, unit: str = SECOND, seed: int = 0) -> float:
 
 
 def _margin_function(
-    problem: Document, funnel: Document, shape: np.ndarray, unit: str
-) -> tuple[float, float, Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]]:
-    """Range of q in the shell; the margin of the best vertex at deviations x (k, n) of form q (k,) and references."""
-    segment = problem["path"]["segments"][0]
+    problem: Document, funnel: Document, segment: Any, unit: str
+) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """The margin of the best vertex at directions (k, n) with q = 1, and fractions of the shell and of references.
+
+    V̇ = σ (q̇ + timing u0), and the margin is −V̇ over min(1, V/β̲), at the true θ of a segment.
+    """
+    shape = shape_of(funnel)
     rate, lower, inner = (number(funnel[name]) for name in ("rate", "beta_lower", "beta_inner"))
-    end, widest = _levels(funnel, segment)
+    duration = float(duration_of(segment))
     paper = funnel["template"] == "paper"
-    change = max(1 - end, 0.0)  # of a `paper` V along the segment
     names = [entry["name"] for entry in problem["inputs"]]
     corners = np.array(
         np.meshgrid(*[[number(entry["lower"]), number(entry["upper"])] for entry in problem["inputs"]])
     ).reshape(len(names), -1)
 
-    def margins(x: np.ndarray, q: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-        gradient = 2 * x @ shape
-        drop = np.minimum(1, (q + change) / lower) if paper else np.minimum(q / lower, widest)
+    def margins(directions: np.ndarray, fractions: np.ndarray) -> np.ndarray:
+        theta = duration * fractions[:, 1]
+        value = inner + (1 - inner) * fractions[:, 0]
+        sigma = np.ones_like(theta) if paper else np.exp(rate * theta)
+        q = value - rate * theta if paper else value / sigma
+        x = np.sqrt(np.maximum(q, 1e-12))[:, None] * directions
+        reference = _reference(segment, theta, fractions[:, 1:])
         timing = rate if paper else rate * q
-        reference = _reference(segment, fractions)
         rates = [
-            (gradient * evaluate(problem, x, dict(zip(names, corner, strict=True)), reference)).sum(1)
+            ((2 * x @ shape) * evaluate(problem, x, dict(zip(names, corner, strict=True)), reference)).sum(1)
             + timing * corner[0]
             for corner in corners.T
         ]
-        return np.max(-np.stack(rates), axis=0) / drop / (reference["speed"] if unit == METRE else 1.0)
+        drop = np.minimum(1, value / lower)
+        return np.max(-np.stack(rates), axis=0) * sigma / drop / (reference["speed"] if unit == METRE else 1.0)
 
-    return (inner - change if paper else inner * min(end, 1.0)), widest, margins
-
-
-def _reference(segment: Document, fractions: np.ndarray) -> dict[str, Any]:
-    """Profile of the references that lie at these fractions (k, 3) of a tube's bounds; a segment has but one."""
-    if not is_tube(segment):
-        omega, speed = (number(segment[name]["coefficients"][0][0]) for name in ("turn_rate", "speed"))
-        return {"turn_rate": omega, "speed": speed, "turn_rate_slope": 0.0, "speed_slope": 0.0}
-    ends = np.array([[number(end) for end in segment[name]] for name in TUBE])
-    kappa, speed, acceleration = (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * fractions.T)[:]
-    return {"turn_rate": kappa * speed, "speed": speed, "turn_rate_slope": 0.0, "speed_slope": acceleration}
+    return margins
 
 
-def _levels(funnel: Document, segment: Document) -> tuple[float, float]:
+def _reference(segment: Any, theta: np.ndarray, fractions: np.ndarray) -> dict[str, Any]:
+    """Profiles at θ (k,) of a segment; of a tube those that lie at these fractions (k, 3) of its bounds."""
+    if is_tube(segment):
+        ends = np.array([[number(end) for end in segment[name]] for name in TUBE])
+        kappa, speed, acceleration = (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * fractions.T)[:]
+        return {"turn_rate": kappa * speed, "speed": speed, "turn_rate_slope": 0.0, "speed_slope": acceleration}
+    begins = np.concatenate([[0.0], np.cumsum([number(piece["duration"]) for piece in segment])])
+    owner = np.clip(np.searchsorted(begins, theta, side="right") - 1, 0, len(segment) - 1)
+    t = theta - begins[owner]
+
+    def along(name: str, order: int) -> np.ndarray:
+        curves = [np.polynomial.Polynomial([number(c) for c in piece[name]]) for piece in segment]
+        every = np.stack([(curve.deriv(order) if order else curve)(t) + 0 * t for curve in curves])
+        return every[owner, np.arange(len(t))]
+
+    return {
+        "turn_rate": along("turn_rate", 0),
+        "speed": along("speed", 0),
+        "turn_rate_slope": along("turn_rate", 1),
+        "speed_slope": along("speed", 1),
+    }
+
+
+def _level(funnel: Document, theta: Any) -> Any:
+    """ρ(θ)."""
+    rate = number(funnel["rate"])
+    return 1 - rate * theta if funnel["template"] == "paper" else np.exp(-rate * theta)
+
+
+def _levels(funnel: Document, segment: Any) -> tuple[float, float]:
     """ρ(T) and the largest ρ."""
-    exponent = -number(funnel["rate"]) * (0.0 if is_tube(segment) else number(segment["duration"]))
-    end = 1 + exponent if funnel["template"] == "paper" else float(np.exp(exponent))
+    end = float(_level(funnel, float(duration_of(segment))))
     return end, max(1.0, end)
 
 

@@ -67,6 +67,15 @@ class SegmentClaim:
         return sum((piece.duration for piece in self.pieces), fmpq(0))
 
     @property
+    def is_steady(self) -> bool:
+        """Whether it is written so that turning rate and speed are one number each."""
+        first = self.pieces[0]
+        return all(
+            piece.is_constant and piece.turn_rate == first.turn_rate and piece.speed == first.speed
+            for piece in self.pieces
+        )
+
+    @property
     def course(self) -> tuple[tuple[fmpq, Coefficients, Coefficients], ...]:
         """What the dynamics see of it, wherever it lies: segments with the same are the same problem."""
         return tuple((piece.duration, piece.turn_rate, piece.speed) for piece in self.pieces)

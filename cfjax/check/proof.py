@@ -28,7 +28,7 @@ from cfjax.check.document import (
     StretchHints,
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
-from cfjax.check.rational import about, decimal_text, is_positive_definite
+from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, between, is_closed
 from cfjax.check.symbolic import Symbolic
@@ -37,6 +37,7 @@ from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
 MOST_EFFORT = 32 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
+ENCLOSURE_EFFORT = 384  # for each bit of the numbers in an enclosure of a function, proven once more on each stretch
 CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute
 
 
@@ -159,6 +160,9 @@ def _prove_decrease(
         raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
     if isinstance(segment, TubeClaim) and (funnel.rate != 0 or per_metre is None):
         raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
+    if isinstance(segment, SegmentClaim) and not segment.is_steady:
+        # the curvature may jump from piece to piece, where no stretch sees it: the deviation must not
+        require_tube_structure(dynamics)
     begin = fmpq(0)
     for stretch in hints.stretches:
         _check_stretch(segment, begin, stretch)
@@ -214,7 +218,7 @@ def _prove_stretch(
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = level_pieces(funnel.template, funnel.rate, span, funnel.beta_lower, funnel.beta_inner)
-        enclosures = _enclosures(problem, hints)
+        enclosures = _enclosures(problem, hints, effort)
         questions = [
             SteadyDecrease(
                 graph=problem.vehicle.graph,
@@ -258,11 +262,13 @@ def _prove_stretch(
     effort.spend(sum(LARGEST_EFFORT - question.domain.budget.left for question in questions))
 
 
-def _enclosures(problem: ProblemClaim, hints: StretchHints) -> dict[int, UnaryEnclosure]:
+def _enclosures(problem: ProblemClaim, hints: StretchHints, effort: Budget) -> dict[int, UnaryEnclosure]:
     """The enclosures of the file, proven; one for each node of the graph that applies a function, of that function."""
     named = {node: entry[0] for node, entry in hints.enclosures.items()}
     if named != problem.vehicle.graph.functions():
         raise ValueError("the enclosures are not those of the functions in the graph")
+    for _, coefficients, lower, upper, _ in hints.enclosures.values():
+        effort.spend(ENCLOSURE_EFFORT * sum(map(bits, (*coefficients, lower, upper))))
     return {node: UnaryEnclosure(*entry) for node, entry in hints.enclosures.items()}
 
 

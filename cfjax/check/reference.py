@@ -39,7 +39,9 @@ LARGEST_SPEED_GAP = fmpq(1, 10**9)  # m/s: rounding of a spline's coefficients
 SERIES_ORDER = 9  # of Taylor's remainder; python-flint's series have ten terms unless its global cap is raised
 REMAINDER = fmpq(1, 10**10)  # m: a stretch is halved until its Taylor remainder is below; gaps are told to 1e-6 m
 MOST_STRETCHES = 2**12  # of one piece: some hundred laps of a spiral take them
+MOST_OF_PATH = 2**16  # stretches of all pieces together: some seconds; a thousand pieces of a fit take as many
 LAW_SHARE = fmpq(19, 20)  # of the certified decrease: what the run-time law (`cfjax.control`) asks for
+TOO_WILD = "the path turns too fast, or is too long, for its pose to be enclosed"
 STEEPEST_EXPONENT = fmpq(64)  # levels below e^−64 are not told apart
 UNITS = {"curvature": "1/m", "speed": "m/s", "acceleration": "m/s²"}
 
@@ -448,13 +450,23 @@ class Piece:
     @cached_property
     def displacement(self) -> acb:
         """∫ v_r e^{iP} dt over the piece, P the turn since its start: metres forward + i metres to the left."""
+        return self._displaced[0]
+
+    @cached_property
+    def _displaced(self) -> tuple[acb, int]:
+        """The displacement, and how many stretches it took to enclose it."""
         if self.is_constant:  # arcs and straight lines, of any number of laps
             rate = self.turn_rate[0]
             if rate == 0:
-                return acb(arb(self.length))
+                return acb(arb(self.length)), 1
             turn = arb(self.turn)
-            return arb(self.speed[0] / rate) * acb(turn.sin(), 1 - turn.cos())
+            return arb(self.speed[0] / rate) * acb(turn.sin(), 1 - turn.cos()), 1
         return _displacement(*self._polynomials, self.duration)
+
+    @property
+    def effort(self) -> int:
+        """Stretches that the enclosure of its displacement takes."""
+        return self._displaced[1]
 
     def motion(self, at: arb, terms: int) -> tuple[acb_series, acb_series]:
         """e^{iP} and v_r e^{iP} at t = at + u in powers of u (s), for every number in the ball `at`; P as above."""
@@ -467,14 +479,15 @@ class Piece:
         return turn, speed
 
 
-def _displacement(turn: arb_poly, speed: arb_poly, duration: fmpq) -> acb:
-    """∫ speed e^{i turn} dt from 0 by Taylor's series about the middle, halved until the remainder is small.
+def _displacement(turn: arb_poly, speed: arb_poly, duration: fmpq) -> tuple[acb, int]:
+    """∫ speed e^{i turn} dt from 0 and the number of stretches: Taylor's series about the middle of each.
 
+    They are halved until the remainder is small.
     With t = middle + half·u: the real and the imaginary part of the integrand are each their series up to u^{K−1}, and
     the K-th coefficient at some place between times u^K.
     """
     total, open_ = acb(0), [(fmpq(0), duration)]
-    for _ in range(MOST_STRETCHES):
+    for count in range(1, MOST_STRETCHES + 1):
         begin, end = open_.pop()
         middle, half = (begin + end) / 2, arb((end - begin) / 2)
         _, whole = _series(turn, speed, arb_poly([arb(middle) + half * arb(0, 1), half]), SERIES_ORDER + 1)
@@ -487,8 +500,8 @@ def _displacement(turn: arb_poly, speed: arb_poly, duration: fmpq) -> acb:
         total += sum((point[k] * arb(fmpq(2, k + 1)) for k in range(0, SERIES_ORDER, 2)), acb(0)) * half
         total += acb(ball, ball)
         if not open_:
-            return total
-    raise ValueError("the path turns too fast, or is too long, for its pose to be enclosed")
+            return total, count
+    raise ValueError(TOO_WILD)
 
 
 def _series(turn: arb_poly, speed: arb_poly, along: arb_poly, terms: int) -> tuple[acb_series, acb_series]:
@@ -553,8 +566,11 @@ class Reference:
         """Where each segment starts, and where the last one ends."""
         pose = self.start
         found = []
-        segment = -1
+        segment, effort = -1, 0
         for piece in self.pieces:
+            effort += piece.effort
+            if effort > MOST_OF_PATH:
+                raise ValueError(TOO_WILD)
             if piece.segment != segment:
                 segment = piece.segment
                 found.append(pose)

@@ -15,7 +15,7 @@ from cfjax.check import Outcome, check_document, check_file
 from cfjax.errors import InputError
 from cfjax.falsifier import falsify
 from cfjax.funnel import Funnel, Paper
-from cfjax.problem import Box, Path, Pose, Problem, Profile, Segment, ball
+from cfjax.problem import Box, Path, Pose, Problem, ball
 from cfjax.verdict import Verdict
 
 
@@ -149,7 +149,7 @@ def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate
     with pytest.raises(InputError, match="expected one segment"):
         refute(chain, funnel)
     apart = replace(segment, start=Pose(0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="segment 1 starts .* m away"):
+    with pytest.raises(InputError, match=r"segment 1 starts .* m away"):
         certify(replace(problem, path=Path("apart", (segment, apart))), [funnel])
     with pytest.raises(InputError, match="not negative"):
         refute(problem, funnel, -1.0)

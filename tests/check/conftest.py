@@ -11,6 +11,7 @@ import pytest
 from cfjax.certificate import certify, dump
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Interval, Method, Problem, ball, circle, tube
+from tests.check.courses import lap_document
 
 
 CANDIDATES = json.loads((Path(__file__).parents[1] / "certificate" / "candidates.json").read_text())
@@ -47,6 +48,12 @@ def tube_text() -> str:
     document = certify(problem, [Funnel(template_named("contracting"), shape, 0.0, math.inf)], workers=2).document
     assert document is not None
     return dump(document)
+
+
+@pytest.fixture(scope="session")
+def lap_text() -> str:
+    """A lap of two kinds of segments with obstacles, trajectory tracking: one stretch and three, 24 cells."""
+    return dump(lap_document())
 
 
 @pytest.fixture

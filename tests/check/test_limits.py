@@ -175,7 +175,7 @@ def test_gram_matrices_are_counted_before_they_are_read(certificate: Document) -
     own["cells"] = [cell] * (MOST_CELLS + 1)
     assert f"1 to {MOST_CELLS} entries" in check_document(certificate, skip_hash=True).message
     proof["degrees"] = [5] * len(proof["degrees"])
-    own["cells"] = [{**cell, "grams": None}] * 16
+    own["cells"] = [{**cell, "grams": None}] * 64
     report = check_document(certificate, skip_hash=True)
     assert report.outcome is Outcome.UNREADABLE
     assert "entries together" in report.message

@@ -238,7 +238,10 @@ def test_huge_numbers_do_not_hide_which_claim_is_broken(certificate: dict[str, A
             lambda d: d["funnels"][0].update(margin=str(10**399)),
             "condition (d), theta from 0 to 6 s, piece 0, signs (++): margin 1e+399",
         ),
-        (lambda d: d["proofs"]["decrease"][0]["stretches"][0]["cells"][0].update(margin=f"-{10**390}"), "e+390 1/s proven"),
+        (
+            lambda d: d["proofs"]["decrease"][0]["stretches"][0]["cells"][0].update(margin=f"-{10**390}"),
+            "e+390 1/s proven",
+        ),
         (lambda d: d["problem"]["vehicle"]["parameters"].update(wheelbase=str(10**399)), "vehicle: the dynamics"),
     ):
         document = json.loads(json.dumps(certificate))
