@@ -22,7 +22,8 @@ from cfjax.verdict import Verdict
 
 
 MOST_FUNNELS = 4  # of a path that gets funnels of its own unless told otherwise: longer ones go by tubes
-GOOD_SHARE = 0.97  # certified over falsified margin: a proof that falls further behind is worth another round
+GOOD_SHARE = 0.97  # certified over falsified margin: what a proof aims at, by shorter stretches where need be
+ENOUGH_SHARE = 0.94  # a proof that falls further behind is worth another round of learning
 LEAST_GAIN = 1.001  # certified margin over the best before: a round that brings less is the last one
 
 
@@ -182,7 +183,7 @@ class _Search:
                     "counterexamples": len(aim.suspects),
                 }
             )
-            if certified >= (GOOD_SHARE * falsified if wanted is None else wanted) and certified:
+            if certified >= (ENOUGH_SHARE * falsified if wanted is None else wanted) and certified:
                 break
             if certified < LEAST_GAIN * before:  # as long as nothing is proven, every round is worth its time
                 break

@@ -43,7 +43,6 @@ def test_margins_of_the_trials_are_passed(method: Method, before: float) -> None
 def test_speed_does_not_matter_to_path_following() -> None:
     """From 1 to 10π m/s with accelerations the margin per metre is that at 1 m/s alone; for tracking it is lost."""
     wide = Problem(tube(1.8, Interval(1.0, 31.4159), 1.0), inlet=ball(0.15), goal=ball(0.25))
-    segment = wide.path.segments[0]
 
     def per_metre(problem: Problem, found: Learned) -> float:
         points = falsify(problem, problem.path.segments[0], found.funnel, unit=Unit.METRE)

@@ -1,0 +1,89 @@
+"""A path between its sets by tubes: proven bounds, the package's tubes, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cfjax.check import Outcome, check_document
+from cfjax.check.document import document_hash
+from cfjax.errors import InputError
+from cfjax.problem import Disc, Ellipsoid, Problem, ball, circle, figure_eight, oval, slalom, straight
+from cfjax.result import Result
+from cfjax.tubes.hold import bounds_of, hold_by_learning, hold_by_library
+from cfjax.verdict import Verdict
+
+
+NARROW = Problem(slalom(amplitude=0.3), inlet=ball(0.15), goal=ball(0.25))
+
+
+@pytest.mark.parametrize("path", [oval(), figure_eight(), slalom(), circle(), straight()], ids=lambda p: p.name)
+def test_bounds_hold_and_are_close(path) -> None:
+    bounds = bounds_of(path)
+    for segment in path.curve:
+        points = [segment.point(theta) for theta in np.linspace(0, segment.duration, 400)]
+        curvature = np.array([point.turn_rate / point.speed for point in points])
+        assert bounds.curvature.lower <= curvature.min() and curvature.max() <= bounds.curvature.upper
+        assert all(point.speed in bounds.speed for point in points)
+    widest = max(abs(bounds.curvature.lower), bounds.curvature.upper)
+    assert (
+        widest
+        <= np.abs(
+            [s.point(t).turn_rate / s.point(t).speed for s in path.curve for t in np.linspace(0, s.duration, 2001)]
+        ).max()
+        + 1e-3
+    )
+    if path.name in ("slalom", "figure_eight"):  # as much to the left as to the right
+        assert bounds.curvature.lower == -bounds.curvature.upper
+
+
+def test_the_package_holds_a_slalom() -> None:
+    result = hold_by_library(NARROW)
+    assert result is not None and result.verdict is Verdict.CERTIFIED and result.document is not None
+    assert result.segments[0].span is not None and result.segments[0].span[0] == 0.0
+    assert result.segments[-1].span is not None
+    assert result.segments[-1].span[1] == pytest.approx(sum(segment.duration for segment in NARROW.path.curve))
+    assert "started in I with half-axes (0.15, 0.15, 0.15, 0.15)" in result.message
+    # the sets are claims: larger ones are not proven
+    for name, values, words in (
+        ("inlet", ["1/2"] * 4, "does not lie inside the funnel's start"),
+        ("goal", ["1/20"] * 4, "does not lie inside the goal G"),
+        ("safe", ["1", "1/10", "1", "1"], "leaves the safe set S in x"),
+    ):
+        document = {**result.document, "sets": {**result.document["sets"], name: values}}
+        report = check_document({**document, "hash": document_hash(document)})
+        assert report.outcome is Outcome.BROKEN and words in report.message
+
+
+def test_the_package_has_no_tube_for_these() -> None:
+    assert hold_by_library(replace(NARROW, inlet=ball(0.5), goal=ball(0.6))) is None
+    assert hold_by_library(replace(NARROW, goal=ball(0.01))) is None
+    assert hold_by_library(Problem(slalom(amplitude=0.3, speed=0.1), inlet=ball(0.15), goal=ball(0.25))) is None
+
+
+def test_obstacles_need_a_place() -> None:
+    problem = replace(NARROW, obstacles=(Disc(3.0, 5.0, 0.5),))
+    for route in (hold_by_library, lambda p: hold_by_learning(p, lambda *_: pytest.fail("asked to learn"))):
+        with pytest.raises(InputError, match="expected segment or auto beside obstacles"):
+            route(problem)
+
+
+def test_what_is_asked_of_a_learned_tube_and_what_becomes_of_none() -> None:
+    asked = []
+
+    def learn(problem: Problem, inner: float) -> Result:
+        asked.append((problem, inner))
+        return Result(Verdict.INCONCLUSIVE, "nothing found", problem)
+
+    problem = Problem(oval(), inlet=ball(0.5), goal=Ellipsoid((0.5, 0.3, 0.3, 0.5)))
+    result = hold_by_learning(problem, learn)
+    ((tube, inner),) = asked
+    assert tube.path.tube is not None and tube.path.tube.curvature.upper == pytest.approx(2.0, abs=1e-3)
+    assert tube.inlet == problem.inlet
+    # {V ≤ inner} of a tube inside that larger G lies in the G that was asked for
+    assert all(
+        np.sqrt(inner) * wide <= goal for wide, goal in zip(tube.goal.half_axes, problem.goal.half_axes, strict=True)
+    )
+    assert all(wide > start for wide, start in zip(tube.goal.half_axes, tube.inlet.half_axes, strict=True))
+    assert result.verdict is Verdict.INCONCLUSIVE and result.problem is problem
+    assert "no tube for the path's bounds: nothing found" in result.message
