@@ -224,7 +224,7 @@ def result_json(result: Result) -> dict[str, Any]:
         "failed_at": list(result.failed_at) if result.failed_at else None,
         "seconds": {stage: round(value, 3) for stage, value in result.seconds.items()},
         "iterations": result.iterations,
-        "history": [{name: _number(value) for name, value in figures.items()} for figures in result.history],
+        "history": [{name: _number(float(value)) for name, value in figures.items()} for figures in result.history],
         "closed_loop": _closed_loop_json(result.closed_loop) if result.closed_loop else None,
         "versions": versions(),
     }
