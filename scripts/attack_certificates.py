@@ -26,6 +26,7 @@ from certificate_truth import (
     claim_of,
     duration_of,
     is_true,
+    is_true_chain,
     is_tube,
     number,
     segment_of,
@@ -42,6 +43,7 @@ from cfjax.check.replay import CERTIFICATE_NAME
 Document = dict[str, Any]
 Attack = Callable[[random.Random, Document], "Document | bytes"]
 ODD_RATIONALS = ("1e9", "1/0", "2/4", "-0", "1/-2", "--1", "0x10", "1_0", " 1", "1\n", "\u0661", "NaN", "")
+CHAIN_SHARE = 0.2  # of the attacks, where there are files with claim `chain` among the certificates
 LONGEST = 60.0  # seconds that any file may take, on a busy machine; the hostile ones take far less
 
 
@@ -636,6 +638,8 @@ def _stretches(document: Document, kind: int | None = None) -> list[Document]:
 
 def _is_steady(document: Document) -> bool:
     """Whether it is about a tube or one piece of constant turning rate and speed: a problem that is soon made again."""
+    if document["claim"] == "chain":
+        return False
     path = document["problem"]["path"]
     return is_tube(path) or (len(path["pieces"]) == 1 and not document["problem"]["sets"]["obstacles"])
 
@@ -674,6 +678,58 @@ ATTACKS: dict[str, tuple[Attack, int]] = {  # with weights
     "failing funnel": (failing_funnel, 4),
     "claim turned": (claim_turned, 3),
     "hostile file": (hostile_file, 6),
+}
+
+
+def chain_changed(rng: random.Random, document: Document) -> Document:
+    """Of a path with its tubes: another path, tube, run, level, car or set, or a tube whose own file is spoiled."""
+    path, pieces = document["path"], document["path"]["pieces"]
+    how = rng.choice(["piece", "piece", "tube", "scale", "run", "level", "car", "closed", "drop", "sets", "speed"])
+    near = Fraction(rng.choice([-1, 1]), 10 ** rng.randint(0, 9))
+    if how == "piece":
+        values = rng.choice(pieces)[rng.choice(["turn_rate", "speed"])]
+        k = rng.randrange(len(values))
+        values[k] = str(Fraction(values[k]) + near)
+    elif how == "speed":
+        for piece in pieces:
+            piece["speed"] = [str(Fraction(value) * (1 + near)) for value in piece["speed"]]
+    elif how == "tube":
+        entry = rng.choice(document["tubes"])
+        names = [name for name in ATTACKS if name not in ("hostile file", "claim turned", "margin raised")]
+        names = [name for name in names if name != "failing funnel"]  # these search for the truth, tube by tube
+        spoiled = ATTACKS[rng.choice(names)][0](rng, entry["certificate"])
+        entry["certificate"] = {**spoiled, "hash": document_hash(spoiled)}
+    elif how == "scale":
+        entry, name = rng.choice(document["tubes"]), rng.choice(["length", "speed"])
+        entry[name] = str(Fraction(entry[name]) * (1 + near) + Fraction(1, 10**9))
+    elif how == "run":
+        run = rng.choice(document["runs"])
+        run[rng.choice(["end", "tube"])] += rng.choice([-1, 1])
+    elif how == "level" and document["levels"]:
+        k = rng.randrange(len(document["levels"]))
+        document["levels"][k] = str(Fraction(document["levels"][k]) * (1 + near))
+    elif how == "car":
+        parameters = document["vehicle"]["parameters"]
+        name = rng.choice(list(parameters))
+        parameters[name] = str(Fraction(parameters[name]) * (1 + near) + Fraction(1, 10**9))
+    elif how == "closed":
+        path["closed"] = not path["closed"]
+        document["levels"] = rng.choice([document["levels"], document["levels"][:-1], [*document["levels"], "1/2"]])
+    elif how == "sets":
+        axes = [[str(Fraction(rng.randint(1, 100), 100)) for _ in range(4)] for _ in range(3)]
+        document["sets"] = dict(zip(("inlet", "goal", "safe"), axes, strict=True))
+    else:
+        pieces.pop(rng.randrange(len(pieces)))
+        document["runs"][-1]["end"] -= rng.choice([0, 1])
+    return document
+
+
+CHAIN_ATTACKS: dict[str, tuple[Attack, int]] = {
+    "chain changed": (chain_changed, 16),
+    "any field": (any_field, 2),
+    "number moved": (number_field, 4),
+    "field dropped": (field_dropped, 1),
+    "fields swapped": (fields_swapped, 1),
 }
 
 
@@ -754,9 +810,12 @@ def judge(content: bytes) -> tuple[Report, Any]:
 def attack(index: int, seed: int, bases: list[str], only: str | None = None) -> dict[str, Any]:
     """The attack of that number: always the same one. Says what was tried and what came of it."""
     rng = random.Random(f"{seed}:{index}")
-    name = only or rng.choices(list(ATTACKS), [weight for _, weight in ATTACKS.values()])[0]
-    base = rng.choice(bases)
-    spoiled = ATTACKS[name][0](rng, json.loads(base))
+    chain = rng.random() < CHAIN_SHARE
+    fitting = [base for base in bases if _is_chain(base) == chain] or bases
+    base = rng.choice(fitting)
+    attacks = CHAIN_ATTACKS if _is_chain(base) else ATTACKS
+    name = only if only in attacks else rng.choices(list(attacks), [weight for _, weight in attacks.values()])[0]
+    spoiled = attacks[name][0](rng, json.loads(base))
     content = spoiled if isinstance(spoiled, bytes) else renewed(spoiled)
     entry: dict[str, Any] = {"index": index, "attack": name}
     started = time.perf_counter()
@@ -771,11 +830,19 @@ def attack(index: int, seed: int, bases: list[str], only: str | None = None) -> 
     if seconds > LONGEST:
         entry["outcome"] = "HUNG"
     if report.outcome is Outcome.PROVEN:
-        false = "" if _same_or_weaker(document, json.loads(base)) else is_true(document, seed=index)
+        if document["claim"] == "chain":
+            false = is_true_chain(document, seed=index)
+        else:
+            false = "" if _same_or_weaker(document, json.loads(base)) else is_true(document, seed=index)
         entry["outcome"] = f"FALSE {false} ACCEPTED" if false else "true, accepted"
     if report.outcome is Outcome.REFUTED:
         entry["outcome"] = "FALSE REFUTATION"  # no attack makes a true one: the bases are proven funnels
     return entry
+
+
+@lru_cache(maxsize=64)
+def _is_chain(base: str) -> bool:
+    return json.loads(base)["claim"] == "chain"
 
 
 def _same_or_weaker(document: Document, base: Document) -> bool:
@@ -799,7 +866,7 @@ def table(entries: list[dict[str, Any]]) -> str:
     grouped = defaultdict(list)
     for entry in entries:
         grouped[entry["attack"]].append(entry)
-    for name in [*ATTACKS, "candidate", "total"]:
+    for name in [*ATTACKS, "chain changed", "candidate", "total"]:
         rows = entries if name == "total" else grouped[name]
         counts = Counter(row["outcome"] for row in rows)
         reasons = Counter(
@@ -829,7 +896,7 @@ def main() -> int:
     parser.add_argument("certificates", nargs="+", type=Path, metavar="RUN_OR_CERTIFICATE")
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--candidates", type=int, default=0, help="funnels spoiled before their proof")
-    parser.add_argument("--only", choices=ATTACKS, help="this kind of attack")
+    parser.add_argument("--only", choices=[*ATTACKS, "chain changed"], help="this kind of attack")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--log", type=Path, default=Path("attacks.jsonl"))
     options = parser.parse_args()

@@ -208,6 +208,98 @@ def distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.asarray(shapely.distance(shapely.points(points), shapely.MultiPoint(corners).convex_hull))
 
 
+# --- a path with its tubes
+
+
+def is_true_chain(document: Document, seed: int = 0) -> str:
+    """As `is_true`, of a file with claim `chain`."""
+    path, runs = document["path"], document["runs"]
+    own = {name: number(value) for name, value in document["vehicle"]["parameters"].items()}
+    tubes = []
+    for entry in document["tubes"]:
+        if is_true(entry["certificate"], seed):
+            return "tube"
+        tube = _scaled_tube(entry)
+        steering = own["max_tan_steering"] / own["wheelbase"]
+        if steering < tube["steering"] * (1 - TOLERANCE) or own["max_thrust"] < tube["thrust"] * (1 - TOLERANCE):
+            return "vehicle"
+        tubes.append(tube)
+    begin = 0
+    owners = []
+    for run in runs:
+        owners += [run["tube"]] * (run["end"] - begin)
+        begin = run["end"]
+    if len(owners) != len(path["pieces"]):
+        return "runs"
+    lengths = []
+    for piece, owner in zip(path["pieces"], owners, strict=True):
+        t = np.linspace(0, number(piece["duration"]), POSES)
+        omega, speed = (np.polynomial.Polynomial([number(c) for c in piece[name]]) for name in ("turn_rate", "speed"))
+        if not speed(t).min() > 0:
+            return "speed"
+        for name, values in zip(TUBE, (omega(t) / speed(t), speed(t), speed.deriv()(t)), strict=True):
+            lower, upper = tubes[owner][name]
+            if values.min() < lower - TOLERANCE or values.max() > upper + TOLERANCE:
+                return name
+        lengths.append(float(speed.integ()(t[-1])))
+    for before, after in zip(path["pieces"], path["pieces"][1:], strict=False):
+        if abs(_speed_after(before) - number(after["speed"][0])) > TOLERANCE:
+            return "speed"
+    if path["closed"]:
+        poses = poses_of({"problem": {"path": path}})
+        turn = (poses[-1][-1] - poses[0][0])[0] / (2 * np.pi)
+        if max(abs(turn - round(turn)) * 2 * np.pi, *np.abs((poses[-1][-1] - poses[0][0])[1:])) > 2 * GAPS[0]:
+            return "closed"
+    ends = np.cumsum([0, *lengths])[[0, *(run["end"] for run in runs)]]
+    count = len(runs) if path["closed"] else len(runs) - 1
+    for index in range(count):
+        first, second = tubes[runs[index]["tube"]], tubes[runs[(index + 1) % len(runs)]["tube"]]
+        level = min(1 / np.linalg.eigvals(np.linalg.solve(first["shape"], second["shape"])).real.max(), 1.0)
+        if _level_after(first, ends[index + 1] - ends[index]) > level * (1 + 1e-6):
+            return "link"
+    if document["sets"]:
+        finish = _level_after(tubes[runs[-1]["tube"]], ends[-1] - ends[-2])
+        return _false_sets(document["sets"], [tubes[run["tube"]]["shape"] for run in runs], finish)
+    return ""
+
+
+def _false_sets(sets: Document, shapes: list[np.ndarray], finish: float) -> str:
+    inlet, goal = (np.array([number(a) for a in sets[name]]) for name in ("inlet", "goal"))
+    if np.linalg.eigvalsh(shapes[0] * np.outer(inlet, inlet))[-1] > 1 + TOLERANCE:
+        return "(a)"
+    if np.linalg.eigvalsh(shapes[-1] * np.outer(goal, goal))[0] < finish * (1 - TOLERANCE):
+        return "(b)"
+    safe = np.array([number(a) for a in sets["safe"]]) if sets["safe"] else np.full(4, np.inf)
+    widths = np.sqrt([np.diag(np.linalg.inv(shape)) for shape in shapes])
+    return "(c)" if np.any(widths > safe * (1 + TOLERANCE)) else ""
+
+
+def _scaled_tube(entry: Document) -> Document:
+    """The tube of the similar car."""
+    problem, funnel = entry["certificate"]["problem"], entry["certificate"]["funnels"][0]
+    length, speed = number(entry["length"]), number(entry["speed"])
+    axes = np.array([1.0, length, length, speed])
+    units = {"curvature": 1 / length, "speed": speed, "acceleration": speed**2 / length}
+    parameters = {name: number(value) for name, value in problem["vehicle"]["parameters"].items()}
+    bounds = {name: [number(end) * unit for end in problem["path"]["tube"][name]] for name, unit in units.items()}
+    return {
+        **bounds,
+        "steering": parameters["max_tan_steering"] / parameters["wheelbase"] / length,
+        "thrust": parameters["max_thrust"] * units["acceleration"],
+        "shape": shape_of(funnel) / np.outer(axes, axes),
+        "per_metre": 0.95 * number(funnel[METRE]) / length / number(problem["inputs"][0]["upper"]),
+        "levels": (number(funnel["beta_lower"]), number(funnel["beta_inner"])),
+    }
+
+
+def _level_after(tube: Document, distance: float) -> float:
+    """V after so many metres under the law, from 1: dV/ds = −0.95 μ/ū0 min(1, V/β̲), down to β_in."""
+    lower, inner = tube["levels"]
+    fallen = distance * tube["per_metre"]
+    value = 1 - fallen if 1 - fallen >= lower else lower * np.exp(-(fallen - (1 - lower)) / lower)
+    return max(float(value), inner)
+
+
 # --- condition (d)
 
 

@@ -12,6 +12,9 @@ from typing import Any
 
 import pytest
 
+from cfjax.problem import circle
+from cfjax.tubes import chain_document, follow
+
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
@@ -42,13 +45,54 @@ def run(folder: Path, texts: tuple[str, ...], *options: str) -> list[dict[str, A
 
 
 def test_nothing_false_is_accepted(
-    campaign: ModuleType, tmp_path: Path, paper_text: str, contracting_text: str, tube_text: str
+    campaign: ModuleType, tmp_path: Path, paper_text: str, contracting_text: str, tube_text: str, lap_text: str
 ) -> None:
-    entries = run(tmp_path, (paper_text, contracting_text, tube_text), "--count", "160", "--seed", "4")
+    entries = run(tmp_path, (paper_text, contracting_text, tube_text, lap_text), "--count", "160", "--seed", "4")
     assert campaign.failures(entries) == []
     assert {entry["attack"] for entry in entries} == set(campaign.ATTACKS)
     assert sum(entry["outcome"] == "true, accepted" for entry in entries) > 5  # the truth is told apart
     assert "total" in campaign.table(entries)
+
+
+def test_nothing_false_is_accepted_of_a_path_with_its_tubes(campaign: ModuleType, tmp_path: Path) -> None:
+    text = json.dumps(chain_document(follow(circle(1.5, 1.2), closed=True)))
+    assert campaign.is_true_chain(json.loads(text)) == ""
+    entries = run(tmp_path, (text,), "--count", "16", "--seed", "1")
+    assert campaign.failures(entries) == []
+    assert sum(entry["attack"] == "chain changed" for entry in entries) > 8
+    for path, value, expected in (
+        (("path", "pieces", 0, "turn_rate", 0), "9", "curvature"),
+        (("path", "pieces", 0, "speed", 0), "9/10", "speed"),
+        (("path", "pieces", 0, "duration"), "1/2", "closed"),
+        (("vehicle", "parameters", "max_thrust"), "1/100", "vehicle"),
+        (("sets",), {"inlet": ["1"] * 4, "goal": ["1"] * 4, "safe": None}, "(a)"),
+    ):
+        document = json.loads(text)
+        holder = document
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+        assert campaign.is_true_chain(document) == expected
+
+
+def test_the_truth_sees_what_is_false_of_a_lap(campaign: ModuleType, lap_text: str) -> None:
+    """Links, the lap, kinds, obstacles and θ are looked at, not only what a steady segment has."""
+    assert campaign.is_true(json.loads(lap_text)) == ""
+
+    def judged(*path: Any, value: Any) -> str:
+        document = holder = json.loads(lap_text)
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+        return campaign.is_true(document)
+
+    assert judged("funnels", 0, "rate", value="1/10") == "link"
+    assert judged("funnels", 1, "margin", value="3/2") == "(d)"
+    assert judged("problem", "path", "kinds", value=[0, 0, 0, 1]) == "kinds"
+    assert judged("problem", "path", "pieces", 5, "duration", value="1") == "kinds"
+    assert judged("problem", "path", "start", 1, value="1") == "obstacle"
+    assert judged("problem", "sets", "obstacles", 0, "round", value="1") == "obstacle"
+    assert judged("problem", "sets", "footprint", 1, "radius", value="1") == "obstacle"
 
 
 def test_the_truth_sees_what_is_false(campaign: ModuleType, paper_text: str) -> None:

@@ -86,53 +86,47 @@ def too_long_enclosure(document: Document) -> None:
     unknown(document, sine)
 
 
+def filled(document: Document, last: int, op: str, other: int) -> int:
+    """The graph as long as it may be: the same operation with the other node, again and again."""
+    while len(nodes(document)) < 399:
+        last = add(document, op, last, other)
+    return last
+
+
+def powered(document: Document, terms: list[int], factor: int, power: int) -> int:
+    """The sum of the terms, times it (or another factor) `power` times."""
+    total = terms[0]
+    for term in terms[1:]:
+        total = add(document, "add", total, term)
+    product = total
+    for _ in range(power):
+        product = add(document, "mul", product, total if factor < 0 else factor)
+    return product
+
+
 def additions(document: Document, power: int) -> None:
     """Under the name of the bicycle: the comparison of the graphs comes before any proof."""
     inputs = [k for k, node in enumerate(nodes(document)) if node[0] == "input"]
-    total = inputs[0]
-    for node in inputs[1:]:
-        total = add(document, "add", total, node)
-    product = total
-    for _ in range(power - 1):
-        product = add(document, "mul", product, total)
-    last = product
-    while len(nodes(document)) < 399:
-        last = add(document, "add", last, product)
+    product = powered(document, inputs, -1, power - 1)
+    filled(document, product, "add", product)
+
+
+def long_polynomial(document: Document, power: int, constant: fmpq, times: int) -> int:
+    """(1 + Σ states)^(power + 1), multiplied by a long constant so many times."""
+    power_of = powered(document, [add(document, "constant", "1"), 0, 1, 2, 3], -1, power)
+    return powered(document, [power_of], add(document, "constant", str(constant)), times)
 
 
 def long_additions(document: Document) -> None:
-    total = add(document, "constant", "1")
-    for state in range(4):
-        total = add(document, "add", total, state)
-    power = total
-    for _ in range(20):
-        power = add(document, "mul", power, total)
-    long = add(document, "constant", str(fmpq(3**500, 7**400)))
-    for _ in range(7):
-        power = add(document, "mul", power, long)
-    last = power
-    while len(nodes(document)) < 399:
-        last = add(document, "add", last, power)
-    unknown(document, last)
+    polynomial = long_polynomial(document, 20, fmpq(3**500, 7**400), 7)
+    unknown(document, filled(document, polynomial, "add", polynomial))
 
 
 def long_sizes(document: Document) -> None:
     """Coefficients as long as they may be, and remainders that ask for their sizes again and again."""
     sine = add(document, "sin", 0)
     enclose(document, sine, "sin", "2", "2")
-    total = add(document, "constant", "1")
-    for state in range(4):
-        total = add(document, "add", total, state)
-    power = total
-    for _ in range(12):
-        power = add(document, "mul", power, total)
-    long = add(document, "constant", str(fmpq(3**800, 7**470)))
-    for _ in range(13):
-        power = add(document, "mul", power, long)
-    last = power
-    while len(nodes(document)) < 399:
-        last = add(document, "mul", power, sine)
-    unknown(document, last)
+    unknown(document, filled(document, long_polynomial(document, 12, fmpq(3**800, 7**470), 13), "mul", sine))
 
 
 def definite(document: Document) -> None:
@@ -146,6 +140,23 @@ def definite(document: Document) -> None:
         cell["grams"] = [gram] * len(cell["grams"])
 
 
+def enclosures_on_every_stretch(document: Document) -> None:
+    """One function after another, proven once more on each of many stretches: they are paid for together."""
+    long_enclosures(document)
+    document["problem"]["path"]["closed"] = False
+    own = document["proofs"]["decrease"][0]["stretches"]
+    end = fmpq(*map(int, (own[0]["end"] + "/1").split("/")[:2]))
+    own[:] = [{**own[0], "end": str(end * k / 64)} for k in range(1, 65)]
+
+
+def spinning(document: Document) -> None:
+    """A lap that winds up again and again: its poses are hard to enclose, each piece by itself as far as is allowed."""
+    piece = {"segment": 0, "duration": "1", "turn_rate": ["0", "4000"], "speed": ["1"]}
+    document["problem"]["path"].update(pieces=[piece] * 1000, closed=True)
+    document["funnels"][0].update(template="contracting", rate="0")
+    document["problem"]["sets"]["goal"]["half_axes"] = ["9"] * 4  # nothing is wrong before the lap's end is looked for
+
+
 HOSTILE: dict[str, Callable[[Document], None]] = {
     "remainder that grows": huge_remainder,
     "remainder that shrinks": tiny_remainder,
@@ -156,6 +167,8 @@ HOSTILE: dict[str, Callable[[Document], None]] = {
     "long additions": long_additions,
     "long sizes": long_sizes,
     "definite matrices": definite,
+    "enclosures on every stretch": enclosures_on_every_stretch,
+    "spinning lap": spinning,
 }
 
 
