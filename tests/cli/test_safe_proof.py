@@ -155,13 +155,13 @@ def test_rounds_end_with_the_gain(
     problem = problem_of(preset("circle"))
     margins = iter(certified)
 
-    def next_round(*_: object) -> tuple[Result, None]:
+    def next_round(*_: object) -> tuple[Result, tuple]:
         margin = next(margins)
         verdict = Verdict.INCONCLUSIVE if margin is None else Verdict.CERTIFIED
         (segment,) = hand_made(problem, margin=margin).segments
-        return Result(verdict, "made by hand", problem, (replace(segment, margin_falsified=1.0),)), None
+        return Result(verdict, "made by hand", problem, (replace(segment, margin_falsified=1.0),)), ()
 
-    learned = Learned(hand_made(problem).segments[0].funnel, 1.0, -1.0, (1.0,), 1)
+    learned = Learned((hand_made(problem).segments[0].funnel,), 1.0, -1.0, (1.0,), 1)
     monkeypatch.setattr(cfjax.synthesis._Search, "_learn", lambda *_: (problem, learned))
     monkeypatch.setattr(cfjax.synthesis._Search, "_certify", next_round)
     result = search(problem, options_of(preset("circle", ["rounds=4"])))
