@@ -97,6 +97,19 @@ def lap_document() -> dict[str, Any]:
     return assembled(problem, funnels, stretches)
 
 
+def kink_document() -> dict[str, Any]:
+    """A straight and an arc in one segment, a stretch for each: of one reference both."""
+    breaks = (0.0, 0.25, 0.5)
+    segment = Segment(Profile(breaks, ((0.0,), (1.5,))), Profile(breaks, ((1.5,), (1.5,))), Pose(0.0, 0.0, 0.0))
+    problem = Problem(Path("kink", (segment,)), inlet=ball(0.14), goal=ball(0.26), method=Method.TT)
+    funnel = round_funnel(Funnel(template_named("contracting"), SHAPE, 0.0, segment.duration), segment)
+    zero, speed = fmpq(0), fmpq(3, 2)
+    bounds = (TubeClaim((kappa, kappa), (speed, speed), (zero, zero)) for kappa in (zero, fmpq(1)))
+    ends = (zero, fmpq(1, 4), fmpq(1, 2))
+    stretches = [Stretch(begin, end, own) for begin, end, own in zip(ends, ends[1:], bounds, strict=False)]
+    return assembled(problem, [funnel], [stretches])
+
+
 def assembled(
     problem: Problem, funnels: Sequence[RoundedFunnel], stretches: Sequence[Sequence[Stretch]]
 ) -> dict[str, Any]:

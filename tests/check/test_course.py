@@ -20,7 +20,7 @@ from cfjax.check.rational import rational
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Method, Path, Problem, Segment, affine_deviation, ball
 from cfjax.problem.obstacles import disc_centres, distances
-from tests.check.courses import SHAPE, bend, lap_problem
+from tests.check.courses import SHAPE, bend, kink_document, lap_problem
 
 
 Document = dict[str, Any]
@@ -352,29 +352,36 @@ def test_a_tube_clears_no_obstacle(tube_text: str) -> None:
     assert "a tube has no place" in report.message
 
 
-def test_curvature_must_not_jump_under_a_vehicle_whose_reference_then_jumps(lap: Document) -> None:
-    """Straight, then an arc: each stretch has one reference, and between them the deviation would jump unseen.
+def slope_enters(document: Document) -> None:
+    """Another vehicle: x is driven by the slope of the turning rate too, which proofs read as zero."""
+    vehicle = document["problem"]["vehicle"]
+    vehicle["name"] = "other"
+    nodes, outputs = vehicle["dynamics"]["nodes"], vehicle["dynamics"]["outputs"]
+    nodes += [["input", "reference:turn_rate_slope"], ["add", outputs[1], len(nodes)]]
+    outputs[1] = len(nodes) - 1
 
-    Its x is driven by the slope of the turning rate too, which is zero on both sides of the jump and not in between.
-    """
+
+def test_curvature_must_not_jump_under_a_vehicle_whose_reference_then_jumps() -> None:
+    """Straight, then an arc: each stretch has one reference, and the deviation would jump between them, unseen."""
+    document = kink_document()
+    assert checked(document).outcome is Outcome.PROVEN  # a car whose reference does not jump
+    slope_enters(document)
+    report = checked(document)
+    assert report.outcome is Outcome.BROKEN
+    assert "its reference jumps where the curvature of the path does" in report.message
+
+
+def test_a_slope_that_is_zero_all_along_does_no_harm(lap: Document) -> None:
     path(lap).update(pieces=path(lap)["pieces"][:1], kinds=[0], closed=False)
     lap["funnels"].pop()
     lap["proofs"]["decrease"].pop()
     sets(lap)["obstacles"], lap["proofs"]["clearance"] = [], []
-    vehicle = lap["problem"]["vehicle"]
-    vehicle["name"] = "other"
-    nodes = vehicle["dynamics"]["nodes"]
-    nodes += [["input", "reference:turn_rate_slope"], ["add", vehicle["dynamics"]["outputs"][1], len(nodes)]]
-    vehicle["dynamics"]["outputs"][1] = len(nodes) - 1
-    assert checked(lap).outcome is Outcome.PROVEN  # where nothing varies the slope is zero
+    slope_enters(lap)
+    assert checked(lap).outcome is Outcome.PROVEN
     (piece,) = path(lap)["pieces"]
     half = str(Fraction(piece["duration"]) / 2)
     path(lap)["pieces"] = [{**piece, "duration": half}, {**piece, "duration": half}]
     assert checked(lap).outcome is Outcome.PROVEN  # in two pieces that say the same
-    path(lap)["pieces"][1]["turn_rate"] = ["1"]
-    report = checked(lap)
-    assert report.outcome is Outcome.BROKEN
-    assert "its reference jumps where the curvature of the path does" in report.message
 
 
 # --- witnesses on a curve --------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
-from cfjax.check import Outcome, check_document
+from cfjax.check import Outcome, check_document, proof
 from cfjax.check.document import MOST_CELLS
 from cfjax.check.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
 
@@ -140,15 +140,6 @@ def definite(document: Document) -> None:
         cell["grams"] = [gram] * len(cell["grams"])
 
 
-def enclosures_on_every_stretch(document: Document) -> None:
-    """One function after another, proven once more on each of many stretches: they are paid for together."""
-    long_enclosures(document)
-    document["problem"]["path"]["closed"] = False
-    own = document["proofs"]["decrease"][0]["stretches"]
-    end = fmpq(*map(int, (own[0]["end"] + "/1").split("/")[:2]))
-    own[:] = [{**own[0], "end": str(end * k / 64)} for k in range(1, 65)]
-
-
 def spinning(document: Document) -> None:
     """A lap that winds up again and again: its poses are hard to enclose, each piece by itself as far as is allowed."""
     piece = {"segment": 0, "duration": "1", "turn_rate": ["0", "4000"], "speed": ["1"]}
@@ -167,7 +158,6 @@ HOSTILE: dict[str, Callable[[Document], None]] = {
     "long additions": long_additions,
     "long sizes": long_sizes,
     "definite matrices": definite,
-    "enclosures on every stretch": enclosures_on_every_stretch,
     "spinning lap": spinning,
 }
 
@@ -182,12 +172,28 @@ def test_endless_arithmetic_is_refused(certificate: Document, name: str) -> None
     assert len(report.message) < 300
 
 
+def test_functions_without_use_are_paid_for_on_every_stretch(
+    certificate: Document, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sines that no output reads cost no polynomial arithmetic, but each is proven once more on each stretch."""
+    document = certificate
+    document["problem"]["path"]["closed"] = False
+    assert check_document(document, skip_hash=True).outcome is Outcome.PROVEN
+    numbers = tuple(str(fmpq(3 * 2**200 + k, 5 * 2**200 - 1)) for k in range(12))
+    for k in range(4):
+        alpha = nodes(document).index(["input", "alpha"])
+        enclose(document, add(document, "sin", alpha), "sin", f"{8 + k}/5", str(2**200), numbers)
+    assert check_document(document, skip_hash=True).outcome is Outcome.PROVEN
+    monkeypatch.setattr(proof, "MOST_EFFORT", 4 * 12 * 400 * proof.ENCLOSURE_EFFORT)
+    assert "more arithmetic" in check_document(document, skip_hash=True).message
+
+
 def test_gram_matrices_are_counted_before_they_are_read(certificate: Document) -> None:
-    proof, own = certificate["proofs"]["decrease"][0], stretch(certificate)
+    hints, own = certificate["proofs"]["decrease"][0], stretch(certificate)
     cell = own["cells"][0]
     own["cells"] = [cell] * (MOST_CELLS + 1)
     assert f"1 to {MOST_CELLS} entries" in check_document(certificate, skip_hash=True).message
-    proof["degrees"] = [5] * len(proof["degrees"])
+    hints["degrees"] = [5] * len(hints["degrees"])
     own["cells"] = [{**cell, "grams": None}] * 64
     report = check_document(certificate, skip_hash=True)
     assert report.outcome is Outcome.UNREADABLE
