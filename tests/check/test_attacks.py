@@ -47,7 +47,7 @@ def run(folder: Path, texts: tuple[str, ...], *options: str) -> list[dict[str, A
 def test_nothing_false_is_accepted(
     campaign: ModuleType, tmp_path: Path, paper_text: str, contracting_text: str, tube_text: str, lap_text: str
 ) -> None:
-    entries = run(tmp_path, (paper_text, contracting_text, tube_text, lap_text), "--count", "160", "--seed", "4")
+    entries = run(tmp_path, (paper_text, contracting_text, tube_text, lap_text), "--count", "160", "--seed", "2")
     assert campaign.failures(entries) == []
     assert {entry["attack"] for entry in entries} == set(campaign.ATTACKS)
     assert sum(entry["outcome"] == "true, accepted" for entry in entries) > 5  # the truth is told apart
