@@ -182,9 +182,9 @@ def test_functions_without_use_are_paid_for_on_every_stretch(
     numbers = tuple(str(fmpq(3 * 2**200 + k, 5 * 2**200 - 1)) for k in range(12))
     for k in range(4):
         alpha = nodes(document).index(["input", "alpha"])
-        enclose(document, add(document, "sin", alpha), "sin", f"{8 + k}/5", str(2**200), numbers)
+        enclose(document, add(document, "sin", alpha), "sin", f"{17 + 2 * k}/10", str(2**200), numbers)
     assert check_document(document, skip_hash=True).outcome is Outcome.PROVEN
-    monkeypatch.setattr(proof, "MOST_EFFORT", 4 * 12 * 400 * proof.ENCLOSURE_EFFORT)
+    monkeypatch.setattr(proof, "MOST_EFFORT", 4 * 12 * 200 * proof.ENCLOSURE_EFFORT)
     assert "more arithmetic" in check_document(document, skip_hash=True).message
 
 
