@@ -117,13 +117,13 @@ def learn(
 
     inside = _Inside(problem, template, chain, beta_inner)
     moved = (inside(factor[i], change[i]) for i in range(candidates))
-    found_ = [funnels for funnels in moved if funnels]
+    chains = [funnels for funnels in moved if funnels]
     # the starts compete too: annealing may lose what they had (never so far, but PF ≥ TT must not hang on it)
-    found_ += [funnels for funnels in first if _excess_of(chain, funnels) < 0]
-    if not found_:
+    chains += [funnels for funnels in first if _excess_of(chain, funnels) < 0]
+    if not chains:
         return None
-    quick = _quick_margins(problem, template, chain, found_, rng)
-    return replace(_best(problem, chain, found_, quick, seed), steps=steps)
+    quick = _quick_margins(problem, template, chain, chains, rng)
+    return replace(_best(problem, chain, chains, quick, seed), steps=steps)
 
 
 def _unknowns(funnels: Funnels) -> tuple[Float[np.ndarray, "f n n"], Float[np.ndarray, " f"]]:

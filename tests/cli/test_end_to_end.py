@@ -1,10 +1,12 @@
 """The main job as a user runs it: the real command, the files it leaves, and the checker on them."""
 
 import csv
+import itertools
 import json
 import subprocess
 import sys
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 
 from cfjax.report.run_folder import read_run
 from cfjax.verdict import Verdict
+from tests.shapes import racing_line
 
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -123,3 +126,27 @@ def test_a_tube_ends_certified(command: Command, tmp_path: Path) -> None:
     assert again.verdict is Verdict.CERTIFIED
     assert again.segments[0].margin_per_metre == segment["margin_per_metre"]
     assert again.segments[0].funnel.inner == 0.5
+
+
+def test_a_racing_line_from_waypoints_is_held_by_a_tube_of_the_package(command: Command, tmp_path: Path) -> None:
+    """A lap of more than 200 m, a car of another wheelbase: proven by what is there already."""
+    line = racing_line()
+    np.savetxt(tmp_path / "lap.csv", np.column_stack([line.real, line.imag]), delimiter=",")
+    run = command("+path=waypoints", "path.file=lap.csv", "vehicle.wheelbase=0.33", "cars=50")
+    assert run.returncode == 0, run.stderr
+    folder = folder_of(run, tmp_path)
+    result = json.loads((folder / "result.json").read_text())
+    assert (result["verdict"], result["closed"], result["margin"]["falsified"]) == ("certified", True, None)
+    ends = [segment["theta"] for segment in result["segments"]]
+    assert ends[0][0] == 0.0 and all(one[1] == other[0] for one, other in itertools.pairwise(ends))
+    with (folder / "reference.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    speeds = np.array([float(row["v"]) for row in rows])
+    for segment in result["segments"]:
+        assert segment["reference"]["speed"][0] <= speeds.min() and speeds.max() <= segment["reference"]["speed"][1]
+    loop = result["closed_loop"]
+    assert (loop["left_funnel"], loop["left_safe"], loop["missed_goal"]) == (0, 0, 0)
+    checked = check(folder)
+    assert checked.returncode == 0 and "lap after lap" in checked.stdout
+    document = json.loads((folder / "certificate.json").read_text())
+    assert document["claim"] == "chain" and sum(Fraction(p["duration"]) for p in document["path"]["pieces"]) > 50
