@@ -23,6 +23,7 @@ from cfjax.verdict import Verdict
 
 MOST_FUNNELS = 4  # of a path that gets funnels of its own unless told otherwise: longer ones go by tubes
 GOOD_SHARE = 0.97  # certified over falsified margin: what a proof aims at, by shorter stretches where need be
+CURVED_SHARE = 0.95  # where segments vary: the last percents would cost many stretches
 ENOUGH_SHARE = 0.94  # a proof that falls further behind is worth another round of learning
 LEAST_GAIN = 1.001  # certified margin over the best before: a round that brings less is the last one
 
@@ -230,9 +231,9 @@ class _Search:
         distinct = self.problem.path.distinct
         with self.timed("certify"):
             # a stretch that proves what is wanted, or nearly what was not refuted, needs not be cut
-            target = (
-                GOOD_SHARE * learned.margin if self.options.objective.margin is None else self.options.objective.margin
-            )
+            share = GOOD_SHARE if all(segment.is_steady for segment in distinct) else CURVED_SHARE
+            wanted = self.options.objective.margin
+            target = share * learned.margin if wanted is None else wanted
             found = certify(self.problem, learned.funnels, target=target, progress=self.progress, workers=_cores())
         results, suspects = [], list(found.suspects)
         with self.timed("learn"):
