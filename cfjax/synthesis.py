@@ -21,7 +21,7 @@ from cfjax.tubes.hold import hold_by_learning, hold_by_library
 from cfjax.verdict import Verdict
 
 
-MOST_FUNNELS = 4  # of a path that gets funnels of its own unless told otherwise: longer ones go by tubes
+MOST_FUNNELS = 1  # of a path that gets funnels of its own unless told otherwise: chains of several go by tubes
 GOOD_SHARE = 0.97  # certified over falsified margin: what a proof aims at, by shorter stretches where need be
 CURVED_SHARE = 0.95  # where segments vary: the last percents would cost many stretches
 ENOUGH_SHARE = 0.94  # a proof that falls further behind is worth another round of learning
@@ -64,7 +64,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 
 
 def _is_short(path: Path) -> bool:
-    """Whether funnels of its own cost little: a few, and at constant speed, for what varies doubles the proof."""
+    """Whether a funnel of its own costs little: segments that are alike, at constant speed, which is half the proof."""
     return len(path.distinct) <= MOST_FUNNELS and all(segment.speed.is_constant for segment in path.curve)
 
 
