@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from cfjax.certificate import certify
+from cfjax.errors import InputError
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for
@@ -54,7 +55,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
         result = _by_segments(problem, options, progress)
     elif options.certificate == "tube":
         result = _by_tubes(problem, options, progress)
-    elif problem.obstacles or _is_short(problem.path):
+    elif problem.obstacles or _is_short(problem.path) or not _fits_tubes(options):
         result = _by_segments(problem, options, progress)
     else:
         result = _by_tubes(problem, options, progress)
@@ -68,6 +69,11 @@ def _is_short(path: Path) -> bool:
     return len(path.distinct) <= MOST_FUNNELS and all(segment.speed.is_constant for segment in path.curve)
 
 
+def _fits_tubes(options: Options) -> bool:
+    """Whether tubes are asked for nothing that they are not: they have one template, and finished ones one margin."""
+    return options.template == "contracting" and options.objective.margin is None
+
+
 def _by_segments(problem: Problem, options: Options, progress: Progress) -> Result:
     """Funnels made for the path's own segments; or the one of a tube."""
     loop = _Search(problem, options, progress)
@@ -76,13 +82,15 @@ def _by_segments(problem: Problem, options: Options, progress: Progress) -> Resu
 
 def _by_tubes(problem: Problem, options: Options, progress: Progress) -> Result:
     """Tubes that came with the package where they do it, else one that is learned for the path's bounds."""
-    found = hold_by_library(problem)
+    if options.template != "contracting":
+        raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
+    found = hold_by_library(problem) if _fits_tubes(options) else None
     if found is not None:
         return found.replace(seconds={"learn": 0.0, "certify": 0.0})
 
     def learned(bounds: Problem, beta_inner: float) -> Result:
         inner = min(beta_inner, options.beta_inner or beta_inner)
-        return _by_segments(bounds, replace(options, template="contracting", beta_inner=inner), progress)
+        return _by_segments(bounds, replace(options, beta_inner=inner), progress)
 
     return hold_by_learning(problem, learned)
 

@@ -21,7 +21,7 @@ from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_sha
 from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.writing import Gram, write_funnel, write_stretch
 from cfjax.check.decrease import Cell, CellProof, Exponents, Matrix, SteadyDecrease, level_pieces
-from cfjax.check.document import CellKey, unpack_triangle
+from cfjax.check.document import MOST_GRAM_ENTRIES, CellKey, unpack_triangle
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.proof import extremes_of, signs_text
@@ -286,6 +286,8 @@ class Prover:
         self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
         self.pool, self.clock, self.progress = pool, clock, progress
         self.degrees: tuple[int, ...] = ()
+        self.most_entries = MOST_GRAM_ENTRIES // len(problem.path.distinct)
+        self.entries = 0  # of the Gram matrices of one stretch
         self.cells_done = self.cells_begun = 0
 
     def along(self, segment: Sequence[Piece] | TubeClaim, target: float) -> list[StretchProof]:
@@ -303,7 +305,7 @@ class Prover:
             begin, end, before = open_.pop()
             with self._at(begin, end):
                 stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end))
-                enough = len(before) >= MOST_HALVINGS or len(found) + len(open_) + 2 > MOST_STRETCHES
+                enough = len(before) >= MOST_HALVINGS or len(found) + len(open_) + 2 > self._most_stretches()
                 last = enough or _is_stuck(before) or not self._can_gain(stretch)
                 try:
                     found.append(self.prove(stretch, 0.0 if last else target, before[-1].key if before else None))
@@ -321,6 +323,11 @@ class Prover:
             path = self.problem.path
             failure.place = place_on(path, path.kinds.index(self.kind), float(begin), float(end))
             raise
+
+    def _most_stretches(self) -> int:
+        """As many as are worth it, and no more than a file may hold beside the proofs of the other segments."""
+        own = self.most_entries // self.entries if self.entries else MOST_STRETCHES
+        return min(MOST_STRETCHES, own)
 
     def _can_gain(self, stretch: Stretch) -> bool:
         """Whether shorter stretches could prove more: not where nothing changes along it."""
@@ -341,6 +348,7 @@ class Prover:
         places.sort(key=lambda place: first is not None and _key(*place) != first)
         programs = self._exactly(lambda: [_program(questions[index], cell) for index, cell in places], stretch.name)
         self.cells_begun += len(places)
+        self.entries = max(self.entries, len(places) * sum(len(z) * (len(z) + 1) // 2 for z in questions[0].bases))
 
         written, margins, per_metre, solved = [], [], [], []
         jobs = [self.pool.submit(solve, *program) for program in programs]

@@ -109,7 +109,7 @@ def falsify(
     """
     alone = replace(problem, path=Path(problem.path.name, (segment,)))  # its sets are told apart below
     chain = chain_of(alone, funnel.template, funnel.beta_lower, funnel.beta_inner, unit)
-    here = instance_of(problem, segment, funnel.template, funnel.beta_lower)
+    here = instance_of(problem, segment, funnel.template, funnel.beta_lower, funnel.beta_inner)
     inverse = np.linalg.inv(funnel.shape)
     inlet, goal = np.array(problem.inlet.half_axes), np.array(problem.goal.half_axes)
     end, last = funnel.end_level, 0.0 if isinstance(segment, Tube) else segment.duration

@@ -17,7 +17,7 @@ from cfjax.certificate.stretches import bounded
 from cfjax.check import Outcome, check_document
 from cfjax.check.chain import tube_of
 from cfjax.check.containment import broken_containments
-from cfjax.check.rational import float_below
+from cfjax.check.rational import float_below, rational
 from cfjax.check.reference import STATES, CertifiedTube
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, exact_numbers
@@ -35,9 +35,7 @@ LEAST_INNER_LEVEL = 0.01
 ROOM = 0.999  # of the widest tube whose inner level lies in G
 MOST_HEADING = 3.1  # rad: a tube stays short of where the heading wraps
 STEP = Decimal("1e-6")  # to which bounds are rounded outwards
-ALIKE = (
-    0.5  # curvature to both sides as unequal as this is taken as equal: V is then its own mirror image, half the proof
-)
+ALIKE = 0.5  # curvatures to both sides less unequal than this are taken as equal: mirror images are half the proof
 
 Learn = Callable[[Problem, float], Result]  # the funnel of a problem whose path is a tube, down to a level beta_inner
 
@@ -46,13 +44,13 @@ def hold_by_library(problem: Problem) -> Result | None:
     """The path held by tubes that came with the package, proven in milliseconds; None where they do not do it.
 
     Raises:
-        InputError: for a vehicle of a kind that has no tubes, or with obstacles.
+        InputError: with obstacles.
     """
     _refuse_obstacles(problem)
-    offered = [tube for tube in library(problem.vehicle) if _serves(problem, tube)]
     try:
+        offered = [tube for tube in library(problem.vehicle) if _serves(problem, tube)]
         following = follow(problem.path, offered, vehicle=problem.vehicle, closed=problem.path.closed)
-    except InputError:  # no tube holds I, S and the path's bounds
+    except InputError:  # no tube holds I, S and the path's bounds, or there is none for this kind of vehicle
         return None
     found = _held(problem, following, {})
     return found if found.verdict is Verdict.CERTIFIED else None
@@ -71,7 +69,13 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     reach = [ROOM * axis / math.sqrt(inner) for axis in problem.goal.half_axes]
     reach[0] = min(reach[0], MOST_HEADING)
     bounds = Path("tube", (bounds_of(problem.path),))
-    made = learn(replace(problem, path=bounds, goal=Ellipsoid(tuple(reach))), inner)
+    try:
+        asked = replace(problem, path=bounds, goal=Ellipsoid(tuple(reach)))
+    except InputError as error:  # G is too small beside I for what a tube contracts to, or the bounds ask too much
+        message = f"no tube for the path's bounds leads from I to G ({error})"
+        return Result(Verdict.INCONCLUSIVE, message, problem)
+    made = learn(asked, inner)
+    problem = replace(problem, inlet=made.problem.inlet)  # which an objective may have enlarged
     if made.verdict is not Verdict.CERTIFIED or made.document is None:
         return made.replace(
             problem=problem, message=f"no tube for the path's bounds: {made.message}", segments=(), document=None
@@ -123,6 +127,8 @@ def _hull(ranges: Sequence[tuple[fmpq, fmpq]]) -> Interval:
     lower, upper = min(low for low, _ in ranges), max(high for _, high in ranges)
 
     def outwards(value: fmpq, rounding: str) -> float:
+        if rational(float_below(value)) == value:  # a decimal: one speed stays one speed
+            return float_below(value)
         exact = Decimal(int(value.p)) / Decimal(int(value.q))
         return float(exact.quantize(STEP, rounding=rounding))
 
@@ -163,11 +169,13 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
             )
         )
     proven = report.outcome is Outcome.PROVEN
+    # the law has to keep to the timing inputs for which all tubes are proven
+    lower, upper = (pick(run.tube.timing[end] for run in following.runs) for pick, end in ((max, 0), (min, 1)))
     # what is driven and written down is what the proof speaks of: poses integrated, speeds continuous
     return Result(
         Verdict.CERTIFIED if proven else Verdict.INCONCLUSIVE,
         report.message if proven else f"the path is not held by the tube between I, S and G: {report.message}",
-        replace(problem, path=following.path),
+        replace(problem, path=following.path, timing=Interval(float(lower), float(upper))),
         tuple(segments),
         document=document if proven else None,
     )

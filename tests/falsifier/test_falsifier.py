@@ -109,3 +109,16 @@ def test_closed_form_witnesses_lie_where_they_say() -> None:
             x = rng.normal(size=4)
             on_inlet = x / np.sqrt(x @ problem.inlet.shape @ x)
             assert 1 - funnel.value(0.0, on_inlet) >= points["a"].slack - 1e-12
+
+
+def test_the_worst_point_is_where_it_says_down_to_an_inner_level() -> None:
+    problem = Problem(straight(), safe=Box((1.0, 1.0, 1.0, 3.0)), method=Method.TT)
+    segment = problem.path.segments[0]
+    mix = np.random.default_rng(5).normal(size=(4, 4)) * 0.25 + 1.9 * np.eye(4)
+    funnel = Funnel(TEMPLATES["contracting"], mix @ mix.T, 0.1, segment.duration, beta_inner=0.2)
+    worst = {point.condition: point for point in falsify(problem, segment, funnel, rounds=1)}["d"]
+    x = np.array(worst.x)
+    value = float(funnel.value(worst.theta, x))
+    assert 0.2 - 1e-3 <= value <= 1 + 1e-3
+    fading = min(1.0, value / funnel.beta_lower)
+    assert slow_margin(problem, funnel, worst.theta, x) / fading == pytest.approx(worst.slack, abs=1e-2)

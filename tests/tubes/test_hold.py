@@ -1,14 +1,30 @@
 """A path between its sets by tubes: proven bounds, the package's tubes, and what is refused."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from cfjax import synthesis
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash
 from cfjax.errors import InputError
-from cfjax.problem import Disc, Ellipsoid, Problem, ball, circle, figure_eight, oval, slalom, straight
+from cfjax.funnel import Objective
+from cfjax.options import Options
+from cfjax.problem import (
+    Disc,
+    Ellipsoid,
+    Interval,
+    Path,
+    Problem,
+    ball,
+    circle,
+    figure_eight,
+    oval,
+    slalom,
+    straight,
+)
 from cfjax.result import Result
 from cfjax.tubes.hold import bounds_of, hold_by_learning, hold_by_library
 from cfjax.verdict import Verdict
@@ -85,5 +101,60 @@ def test_what_is_asked_of_a_learned_tube_and_what_becomes_of_none() -> None:
         np.sqrt(inner) * wide <= goal for wide, goal in zip(tube.goal.half_axes, problem.goal.half_axes, strict=True)
     )
     assert all(wide > start for wide, start in zip(tube.goal.half_axes, tube.inlet.half_axes, strict=True))
-    assert result.verdict is Verdict.INCONCLUSIVE and result.problem is problem
+    assert result.verdict is Verdict.INCONCLUSIVE and result.problem == problem
     assert "no tube for the path's bounds: nothing found" in result.message
+
+
+def test_a_goal_that_no_tube_comes_down_to_is_an_answer_and_no_bad_input() -> None:
+    problem = Problem(figure_eight(), inlet=ball(0.5), goal=ball(0.05))
+    result = hold_by_learning(problem, lambda *_: pytest.fail("asked to learn"))
+    assert (
+        result.verdict is Verdict.INCONCLUSIVE and "no tube for the path's bounds leads from I to G" in result.message
+    )
+
+
+def test_the_law_keeps_to_the_timing_that_is_proven() -> None:
+    result = hold_by_library(replace(NARROW, timing=Interval(0.25, 4.0)))
+    assert result is not None and result.problem.timing == Interval(0.5, 2.0)
+    assert "u0 in [0.5, 2]" in result.message
+    assert hold_by_library(replace(NARROW, timing=Interval(0.75, 1.5))) is None  # proven with more than there is
+
+
+def test_one_speed_stays_one_speed() -> None:
+    bounds = bounds_of(circle(speed=np.pi / 2))
+    assert bounds.speed == Interval(np.pi / 2, np.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("path", "options", "route"),
+    [
+        (oval(), {}, "segments"),
+        (figure_eight(), {}, "tubes"),
+        (figure_eight(), {"certificate": "segment"}, "segments"),
+        (oval(), {"certificate": "tube"}, "tubes"),
+        (figure_eight(), {"template": "paper"}, "segments"),
+        (figure_eight(), {"objective": Objective("width", 0.5)}, "segments"),
+    ],
+)
+def test_the_way_that_a_path_goes(monkeypatch: pytest.MonkeyPatch, path: Path, options: dict, route: str) -> None:
+    taken = []
+
+    def instead(name: str) -> Callable[..., Result]:
+        def go(problem: Problem, *_: object) -> Result:
+            taken.append(name)
+            return Result(Verdict.CERTIFIED, name, problem)
+
+        return go
+
+    monkeypatch.setattr(synthesis, "_by_segments", instead("segments"))
+    monkeypatch.setattr(synthesis, "_by_tubes", instead("tubes"))
+    assert synthesis.search(Problem(path), Options(**options)).message == route
+    assert taken == [route]
+    assert synthesis.search(replace(NARROW, obstacles=(Disc(3.0, 5.0, 0.5),)), Options()).message == "segments"
+
+
+def test_where_no_tube_does_it_segments_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(synthesis, "_by_segments", lambda problem, *_: Result(Verdict.CERTIFIED, "segments", problem))
+    assert synthesis.search(Problem(figure_eight(), inlet=ball(0.5), goal=ball(0.05)), Options()).message == "segments"
+    with pytest.raises(InputError, match="template: expected contracting with certificate=tube, got paper"):
+        synthesis.search(NARROW, Options(certificate="tube", template="paper"))
