@@ -23,7 +23,7 @@ ROWS = (
     ("circle", ()),
     ("oval", ()),
     ("oval", ("path.speed=1.5707963267948966",)),
-    ("ellipse", ()),
+    ("ellipse", ("path.a=3", "path.b=2")),
     ("figure_eight", ()),
     ("slalom", ()),
     ("slalom", ("sets.inlet=0.15", "sets.goal=0.25", "sets.safe=null")),
