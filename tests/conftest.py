@@ -1,6 +1,8 @@
 """Strict numerics and run-time checked shapes for every test; a result made by hand."""
 
 import os
+from collections.abc import Callable
+from pathlib import Path
 
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -9,9 +11,6 @@ from jaxtyping import install_import_hook
 
 
 install_import_hook("cfjax", "beartype.beartype")  # before the package is imported
-
-from collections.abc import Callable  # noqa: E402
-from pathlib import Path  # noqa: E402
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402

@@ -105,8 +105,11 @@ def smooth_loop(end: float, step: float):
     nothing = jnp.asarray(-1e6)
     law = min_norm_law(PROBLEM, FUNNEL, 0.5)._replace(decrease=nothing, decrease_per_metre=nothing)
     loop = loop_of(PROBLEM, law, step, 0.0, end)
-    # a speed that changes, so that the reference moves the deviation too
-    reference = lambda theta: (ReferencePoint(1 + theta, 1.5 + theta**2, jnp.ones_like(theta), 2 * theta),) * 2  # noqa: E731
+
+    def reference(theta: jax.Array) -> tuple[ReferencePoint, ReferencePoint]:
+        """A speed that changes, so that the reference moves the deviation too."""
+        return (ReferencePoint(1 + theta, 1.5 + theta**2, jnp.ones_like(theta), 2 * theta),) * 2
+
     step_once = jax.jit(partial(advance, PROBLEM.vehicle, FUNNEL.template, reference=reference))
     return loop, step_once, start(FUNNEL.template, loop, jnp.array([[0.2, 0.3, -0.2, 0.4]]))
 
