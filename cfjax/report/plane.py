@@ -17,6 +17,7 @@ from matplotlib.path import Path as Outline
 
 from cfjax.funnel import Funnel
 from cfjax.problem import Disc, FootprintDisc, Obstacle, Path
+from cfjax.problem.course import poses_of
 from cfjax.report.along import spans_of
 from cfjax.report.style import (
     BODY_COLOUR,
@@ -33,7 +34,6 @@ from cfjax.report.style import (
     rotation,
 )
 from cfjax.result import Result
-from cfjax.simulation.course import poses_of
 
 
 if TYPE_CHECKING:

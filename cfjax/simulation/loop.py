@@ -1,7 +1,7 @@
 """The closed loop of many cars at once: deviations under the min-norm law, one step of fixed-step RK4 at a time.
 
 What a step does not know is where the reference comes from: along a path it is read at the car's θ
-(`cfjax.simulation.course`), in a tube it is made while the cars drive (`cfjax.simulation.tube`).
+(`cfjax.problem.course`), in a tube it is made while the cars drive (`cfjax.simulation.tube`).
 """
 
 from collections.abc import Callable

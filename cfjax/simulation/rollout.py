@@ -21,9 +21,9 @@ from cfjax.control import min_norm_law
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Problem, ReferencePoint, Vehicle
+from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 from cfjax.result import ClosedLoop, Rollouts
 from cfjax.simulation.clearance import Surroundings, clearance, surroundings
-from cfjax.simulation.course import Pieces, point_at, poses_of, profiles_of
 from cfjax.simulation.loop import (
     MOST_ROWS,
     RECORDED,

@@ -37,8 +37,8 @@ from cfjax.problem import (
     straight,
     tube,
 )
+from cfjax.problem.course import profiles_of
 from cfjax.simulation import Leg, drive_cars
-from cfjax.simulation.course import profiles_of
 from cfjax.simulation.loop import advance, loop_of, sample_starts, start
 from cfjax.simulation.rollout import drive
 

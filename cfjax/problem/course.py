@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from cfjax.errors import InputError
-from cfjax.problem import Path, Profile, ReferencePoint, Segment
+from cfjax.problem.deviation import ReferencePoint
+from cfjax.problem.path import Path, Profile, Segment
 
 
 POSE_ERROR = 1e-8  # m and rad: of the cubics, in the middle of a cell where it is largest

@@ -19,7 +19,7 @@ from cfjax.problem import (
     slalom,
     straight,
 )
-from cfjax.simulation.course import point_at, poses_of, profiles_of
+from cfjax.problem.course import point_at, poses_of, profiles_of
 
 
 TWO_BREAKS = Path(  # turn rate and speed have breaks of their own, and both jump
