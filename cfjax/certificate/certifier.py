@@ -59,7 +59,7 @@ class Certification:
     margins_per_metre: tuple[float | None, ...] = ()  # of tubes, likewise; None for segments
     numerical_margins: tuple[float, ...] = ()  # optimum of the sums-of-squares programs
     stretches: tuple[tuple[StretchMargin, ...], ...] = ()  # what is proven along θ
-    seconds: dict[str, float] = field(default_factory=dict)  # sos, exact
+    seconds: dict[str, float] = field(default_factory=dict)  # plan, sos, exact
     suspects: tuple[Suspect, ...] = ()  # deviations that limit the proof, by the duals: for a learner
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place ended it
 
@@ -74,7 +74,7 @@ def certify(
 ) -> Certification:
     """Prove the rounded funnels, one for each distinct segment of the path, with the largest margins λ that are shown.
 
-    A stretch of a segment that proves less than the `target` (1/s) is cut in two as long as that helps.
+    A segment is cut into as many stretches as the `target` (1/s) needs; with target 0 it is one.
     `progress(stage, done, of)` hears of every cell; `workers` threads solve cells side by side.
 
     Raises:
@@ -86,7 +86,7 @@ def certify(
         raise InputError(f"certify: expected {len(distinct)} funnels, one per distinct segment, got {len(funnels)}")
     graph = trace_deviation(problem.vehicle)
     question = write_problem(problem, graph)
-    clock = {"sos": 0.0, "exact": 0.0}
+    clock = {"plan": 0.0, "sos": 0.0, "exact": 0.0}
     rounded = [round_funnel(funnel, segment) for funnel, segment in zip(funnels, distinct, strict=True)]
     kept = tuple(funnel.funnel for funnel in rounded)
     found: list[list[StretchProof]] = []

@@ -1,8 +1,8 @@
-"""Condition (d) along one segment or tube: stretches of θ, proven cell by cell, halved where they prove too little.
+"""Condition (d) along one segment or tube: stretches of θ, proven cell by cell.
 
 A stretch is proven for bounds of curvature, speed and acceleration that hold along it, at the levels that the funnel
-has there. The longer it is, the more is asked, and the fewer programs there are to solve: one stretch is tried first,
-and cut where its margin falls short of the target.
+has there. The longer it is, the more is asked, and the fewer programs there are to solve: as few as reach a target are
+planned (`cfjax.certificate.plan`), and one that falls short of it is halved.
 """
 
 import math
@@ -17,6 +17,7 @@ import numpy as np
 from flint import fmpq, fmpq_mpoly
 
 from cfjax.certificate.fit import enclose
+from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
 from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.writing import Gram, write_funnel, write_stretch
@@ -42,12 +43,11 @@ MARGIN_BITS = 40  # of the margins that the document claims: rounded down
 USABLE = ("optimal",)
 HINT_ONLY = ("optimal_inaccurate",)  # Clarabel's AlmostSolved: no solution, but the exact replay may like it
 
-MOST_HALVINGS, MOST_STRETCHES = 6, 20  # of a segment
-PATIENCE, LEAST_GAIN = 3, 1.003  # a margin that so many halvings do not raise is not limited by the stretch's length
+MOST_STRETCHES, MOST_HALVINGS = 20, 3  # of a segment; of a stretch that was planned for
+SPARE = 1.01  # by which a planned stretch is to be better than needed: the proof shows a little less
 SAMPLES = 256  # of a stretch, in which bounds are looked for
 BOUND_BITS = 20  # of these bounds
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider than the samples
-BY_THETA = 0.4  # share of θ, beside that of the curvature's variation, in where a stretch is cut
 
 Progress = Callable[[str, int, int], None]
 Bounds = tuple[fmpq, fmpq]
@@ -174,28 +174,6 @@ def _around(values: np.ndarray, slack: float) -> Bounds:
     return fmpq(math.floor(low), 2**BOUND_BITS), fmpq(math.ceil(high), 2**BOUND_BITS)
 
 
-def _middle(pieces: Sequence[Piece], stretch: Stretch) -> fmpq:
-    """Where a stretch is cut: half of its θ and of its curvature's variation lie on either side."""
-    begin, end = float(stretch.begin), float(stretch.end)
-    theta = np.linspace(begin, end, SAMPLES + 1)
-    parts = between(pieces, stretch.begin, stretch.end)
-    starts = np.array([float(part.theta) for part in parts])
-    owner = np.clip(np.searchsorted(starts, theta, side="right") - 1, 0, len(parts) - 1)
-    kappa = np.array([_curvature(parts[index], at - starts[index]) for index, at in zip(owner, theta, strict=True)])
-    varied = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(kappa)))])
-    share = varied / varied[-1] if varied[-1] > 0 else np.linspace(0.0, 1.0, SAMPLES + 1)
-    measure = BY_THETA * np.linspace(0.0, 1.0, SAMPLES + 1) + (1 - BY_THETA) * share
-    at = stretch.begin + (stretch.end - stretch.begin) * dyadic(
-        float(np.interp(0.5, measure, (theta - begin) / (end - begin))), BOUND_BITS
-    )
-    return at if stretch.begin < at < stretch.end else (stretch.begin + stretch.end) / 2
-
-
-def _curvature(part: Piece, at: float) -> float:
-    turn, speed = (sum(float(c) * at**k for k, c in enumerate(cs)) for cs in (part.turn_rate, part.speed))
-    return turn / speed
-
-
 # --- one stretch
 
 
@@ -263,15 +241,11 @@ def _program(decrease: SteadyDecrease, cell: Cell) -> _Program:
 
 
 class _TooLittle(Exception):
-    """A cell of a stretch that may be cut proves less than the target: only `margin` (1/s)."""
-
-    def __init__(self, margin: float, key: CellKey) -> None:
-        super().__init__(margin)
-        self.margin, self.key = margin, key
+    """A cell of a stretch that may be cut proves less than the target."""
 
 
 class Prover:
-    """Proves the stretches of one segment or tube, with its clock (s, in `sos` and `exact`) and its pool of threads."""
+    """Proves the stretches of one segment or tube, with a pool of threads and a clock (s: `plan`, `sos`, `exact`)."""
 
     def __init__(
         self,
@@ -291,28 +265,43 @@ class Prover:
         self.cells_done = self.cells_begun = 0
 
     def along(self, segment: Sequence[Piece] | TubeClaim, target: float) -> list[StretchProof]:
-        """Stretches that cover the segment; those that prove less than the target (1/s) are cut as long as that helps.
+        """Stretches that cover the segment, as many as the target (1/s) needs; with target 0 a single one.
+
+        The falsifier plans them. One that proves less than it was planned for is halved, as long as that can help.
 
         Raises:
-            NotProven: a stretch that cannot be cut any further proves nothing.
+            NotProven: a stretch that is not cut any further proves nothing.
         """
         if isinstance(segment, TubeClaim):
             return [self.prove(Stretch(fmpq(0), fmpq(0), segment), 0.0)]
         duration = sum((piece.duration for piece in segment), fmpq(0))
+        ends, target = self._planned(target)
+        begins = (0, *ends[:-1])
+        parts = [(fmpq(begin, CELLS), fmpq(end, CELLS), 0) for begin, end in zip(begins, ends, strict=True)]
         found: list[StretchProof] = []
-        open_: list[tuple[fmpq, fmpq, tuple[_TooLittle, ...]]] = [(fmpq(0), duration, ())]
+        open_ = parts[::-1]
         while open_:
-            begin, end, before = open_.pop()
+            first, last, halvings = open_.pop()
+            begin, end = first * duration, last * duration
             with self._at(begin, end):
                 stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end))
-                enough = len(before) >= MOST_HALVINGS or len(found) + len(open_) + 2 > self._most_stretches()
-                last = enough or _is_stuck(before) or not self._can_gain(stretch)
+                room = len(found) + len(open_) + 2 <= self._most_stretches() and halvings < MOST_HALVINGS
                 try:
-                    found.append(self.prove(stretch, 0.0 if last else target, before[-1].key if before else None))
-                except _TooLittle as short:
-                    middle = _middle(segment, stretch)
-                    open_ += [(middle, end, (*before, short)), (begin, middle, (*before, short))]
+                    found.append(self.prove(stretch, target if room and self._can_gain(stretch) else 0.0))
+                except _TooLittle:
+                    middle = (first + last) / 2
+                    open_ += [(middle, last, halvings + 1), (first, middle, halvings + 1)]
         return found
+
+    def _planned(self, target: float) -> tuple[tuple[int, ...], float]:
+        """Ends of stretches, in cells, and the margin (1/s) with which each is content."""
+        segment = self.problem.path.distinct[self.kind]
+        if not target or isinstance(segment, Tube) or segment.is_steady:
+            return (CELLS,), target
+        started = time.perf_counter()
+        planned = plan(self.problem, segment, self.rounded.funnel, SPARE * target, self._most_stretches())
+        self.clock["plan"] += time.perf_counter() - started
+        return planned.ends, min(target, planned.target / SPARE)
 
     @contextmanager
     def _at(self, begin: fmpq, end: fmpq) -> Iterator[None]:
@@ -333,8 +322,8 @@ class Prover:
         """Whether shorter stretches could prove more: not where nothing changes along it."""
         return not (stretch.bounds.is_single and self.rounded.rate == 0)
 
-    def prove(self, stretch: Stretch, target: float, first: CellKey | None = None) -> StretchProof:
-        """All cells of a stretch, the one that is likely to fail first.
+    def prove(self, stretch: Stretch, target: float) -> StretchProof:
+        """All cells of a stretch.
 
         Raises:
             _TooLittle: at the first cell that proves less than the target.
@@ -345,7 +334,6 @@ class Prover:
         )
         self.degrees = questions[0].degrees
         places = [(index, cell) for index, question in enumerate(questions) for cell in question.cells()]
-        places.sort(key=lambda place: first is not None and _key(*place) != first)
         programs = self._exactly(lambda: [_program(questions[index], cell) for index, cell in places], stretch.name)
         self.cells_begun += len(places)
         self.entries = max(self.entries, len(places) * sum(len(z) * (len(z) + 1) // 2 for z in questions[0].bases))
@@ -360,12 +348,10 @@ class Prover:
                 question = questions[index]
                 named = _named(stretch, questions, index, cell)
                 if target and not solution.margin >= target:
-                    raise _TooLittle(
-                        solution.margin if math.isfinite(solution.margin) else -math.inf, _key(index, cell)
-                    )
+                    raise _TooLittle
                 proof, grams, proven = self._proven(question, cell, solution, named, stretch, solved)
                 if target and not float(proven) >= target:
-                    raise _TooLittle(float(proven), _key(index, cell))
+                    raise _TooLittle
                 written.append((_key(index, cell), proof.margin, grams))
                 margins.append(proven)
                 per_metre.append(proven / question.extreme.profile["speed"])
@@ -442,13 +428,6 @@ class Prover:
 
 def _key(index: int, cell: Cell) -> CellKey:
     return index, cell.piece, cell.signs
-
-
-def _is_stuck(before: Sequence[_TooLittle]) -> bool:
-    """Whether the last halvings brought next to nothing."""
-    if len(before) <= PATIENCE or not before[-1].margin > 0:
-        return False
-    return before[-1].margin < LEAST_GAIN * before[-1 - PATIENCE].margin
 
 
 def _not_possible(error: ValueError, place: str) -> Exception:

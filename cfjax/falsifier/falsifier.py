@@ -5,9 +5,11 @@ part of them held on the ridges where inputs have no authority: the lowest margi
 them by factors of two and more.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -15,13 +17,14 @@ from jaxtyping import Float
 from cfjax.falsifier.duel import Outcome, Particles, Schedule, duel, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import shell_points
-from cfjax.funnel.instance import Chain, Clearance, Unit, chain_of, instance_of
+from cfjax.funnel.instance import Chain, Clearance, Stretch, Unit, chain_of, instance_of
 from cfjax.problem import Path, Problem, Segment, Tube, Vehicle
 
 
 SEARCH = Schedule(steps=400)
 GROUPS = 4  # the shapes of the learner's duel: the same compiled program
 GROUP_SIZE, PER_STATION = 128, 4  # particles of a funnel: at least, and at each station
+PER_STRETCH = 96  # particles of a stretch that is looked at alone
 
 
 def group_size(chain: Chain) -> int:
@@ -146,6 +149,31 @@ def falsify(
     theta = _theta_in_shell(funnel, begin, min(until, last), float(q[0]))
     note("d", margins.min(), theta, np.asarray(x[0]))
     return tuple(points)
+
+
+def stretch_margins(
+    problem: Problem, segment: Segment, funnel: Funnel, stretches: Sequence[Stretch], *, seed: int = 0
+) -> Float[np.ndarray, " s"]:
+    """The margin of (d) on each stretch of a segment, as set of references, that its particles found: λ in 1/s.
+
+    What a proof of the stretch can show at most, and nearly what it does show. One program for every call with as many
+    stretches.
+    """
+    levels = funnel.beta_lower, funnel.beta_inner
+    instance = instance_of(problem, segment, funnel.template, *levels, stretches=stretches)
+    chain = Chain(jax.tree.map(lambda values: np.asarray(values)[None], instance), np.zeros((0, 2), int))
+    factor = np.linalg.cholesky(np.linalg.inv(funnel.shape))[None, None]
+    change = np.full((1, 1), funnel.rate * segment.duration)
+    rng = np.random.default_rng(seed)
+    particles = spawn(
+        rng, (1, 1, PER_STRETCH * len(stretches)), ridge_coordinates(problem.vehicle, chain), len(stretches)
+    )
+    scale = margin_scale(problem.vehicle, funnel.template, chain, factor, change, particles)
+    found = duel(problem.vehicle, funnel.template, chain, SEARCH, scale, factor, change, particles)
+    margins = np.where(np.isnan(found.margins), np.inf, found.margins)[0, 0]
+    least = np.full(len(stretches), np.inf)
+    np.minimum.at(least, found.particles.station[0, 0], margins)
+    return least
 
 
 def _nearest(

@@ -6,6 +6,7 @@ tube have one, all along; a segment whose turning rate or speed varies has many,
 
 import enum
 import itertools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -31,6 +32,14 @@ class Unit(enum.Enum):
     SECOND = 0.0
     METRE = 1.0
     BALANCED = 0.95  # exponent of the speed, relative to the slowest
+
+
+class Stretch(NamedTuple):
+    """Part of a segment, θ from begin to end (s), as the set of references within bounds that hold there."""
+
+    begin: float
+    end: float
+    bounds: Tube
 
 
 class Clearance(NamedTuple):
@@ -123,17 +132,15 @@ def instance_of(
     beta_lower: float,
     beta_inner: float | None = None,
     unit: Unit = Unit.SECOND,
+    stretches: Sequence[Stretch] = (),
 ) -> Instance:
-    """The numbers that the conditions on one funnel need; `beta_inner` is beta_lower unless given."""
+    """The numbers that the conditions on one funnel need; `beta_inner` is beta_lower unless given.
+
+    A segment is looked at by `stretches`, of one and the same shape, where some are given.
+    """
     tube = segment if isinstance(segment, Tube) else None
     duration = 1.0 if tube else segment.duration
-    if isinstance(segment, Tube) or segment.is_steady:
-        places = np.array([[0.0, duration]])
-        references, nominal = np.array([segment.references()], float), np.array([segment.nominal()], float)
-    else:
-        places = np.repeat(np.linspace(0.0, duration, PLACES)[:, None], 2, axis=1)
-        points = np.array([segment.point(theta) for theta in places[:, 0]], float)
-        references, nominal = points[:, None, None, :], points[:, None, :]
+    places, references, nominal = _stations(segment, duration, stretches)
     mirror = mirror_signs(problem.vehicle) if tube and tube.curvature.middle == 0 else None
     if tube and mirror:
         half = references.shape[1] // 2 if tube.curvature.half else 0  # the upper end of the curvature
@@ -167,6 +174,36 @@ def instance_of(
         change_bounds=tuple(map(np.float64, bounds)),
         coupling=(np.outer(parity, parity) > 0).astype(float),
     )
+
+
+def _stations(
+    segment: Segment | Tube, duration: float, stretches: Sequence[Stretch]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Begin and end (s, 2), extreme references (s, groups, members, 4) and nominal ones (s, groups, 4)."""
+    if stretches:
+        places = np.array([(stretch.begin, stretch.end) for stretch in stretches])
+        references = _extremes([stretch.bounds for stretch in stretches])
+        return places, references, references[:, :, -1]  # the fastest of each group
+    if isinstance(segment, Tube) or segment.is_steady:
+        places = np.array([[0.0, duration]])
+        return places, np.array([segment.references()], float), np.array([segment.nominal()], float)
+    places = np.repeat(np.linspace(0.0, duration, PLACES)[:, None], 2, axis=1)
+    points = np.array([segment.point(theta) for theta in places[:, 0]], float)
+    return places, points[:, None, None, :], points[:, None, :]
+
+
+def _extremes(bounds: Sequence[Tube]) -> np.ndarray:
+    """The extreme references of tubes (`Tube.references`), (s, groups, members, 4): both ends wherever one has two."""
+
+    def ends(name: str) -> np.ndarray:
+        found = np.array([(getattr(tube, name).lower, getattr(tube, name).upper) for tube in bounds])
+        return found if (found[:, 0] < found[:, 1]).any() else found[:, :1]
+
+    curvature, acceleration = ends("curvature")[:, :, None, None], ends("acceleration")[:, None, :, None]
+    speed = ends("speed")[:, None, None, :]
+    columns = (curvature * speed, speed, np.zeros(1), acceleration)
+    points = np.stack(np.broadcast_arrays(*(column + 0 * curvature * acceleration * speed for column in columns)), -1)
+    return points.reshape(len(bounds), -1, speed.shape[-1], len(ReferencePoint._fields))
 
 
 def _clearance(problem: Problem, kind: int) -> Clearance:

@@ -1,0 +1,135 @@
+"""Stretches are chosen by the falsifier: as few as a target needs, none of them below it."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
+from cfjax.falsifier import falsify, stretch_margins
+from cfjax.funnel import Funnel, template_named
+from cfjax.funnel.instance import Stretch
+from cfjax.problem import Interval, Path, Pose, Problem, Profile, ReferencePoint, Segment, Tube, ball, deviation_rate
+
+
+DURATION = 2.0  # s: a bend of 2 m, whose curvature rises to 1.3 1/m in its middle and comes back to nothing
+PEAK = 1.2944
+MARGIN = 2.23  # 1/s, of the funnel that a learner found once
+
+
+@pytest.fixture(scope="module")
+def bend() -> tuple[Problem, Segment, Funnel]:
+    scale = 16 * PEAK / DURATION**4
+    turn = Profile((0.0, DURATION), ((0.0, 0.0, scale * DURATION**2, -2 * scale * DURATION, scale),))
+    segment = Segment(turn, Profile.constant(1.0, DURATION), Pose(0.0, 0.0, 0.0))
+    shape = np.array(
+        [
+            [1.49213, -2.8409, -0.664931, 0.207919],
+            [-2.8409, 10.2684, -0.199129, -0.119166],
+            [-0.664931, -0.199129, 11.0539, -0.218095],
+            [0.207919, -0.119166, -0.218095, 1.13316],
+        ]
+    )
+    funnel = Funnel(template_named("contracting"), shape, 0.978312, DURATION)
+    return Problem(Path("bend", (segment,)), inlet=ball(0.3), goal=ball(0.5)), segment, funnel
+
+
+def stretch_of(segment: Segment, begin: float, end: float) -> Stretch:
+    theta = np.linspace(begin, end, 999)
+    kappa = segment.turn_rate.polynomial(theta)
+    return Stretch(begin, end, Tube(Interval(float(kappa.min()), float(kappa.max())), Interval(1.0, 1.0)))
+
+
+def margins(problem: Problem, segment: Segment, funnel: Funnel, ends: list[tuple], seed: int = 0) -> np.ndarray:
+    """By the program that a plan uses: as many stretches at once."""
+    stretches = [stretch_of(segment, *pair) for pair in ends]
+    padded = stretches + stretches[-1:] * (-len(stretches) % BATCH)
+    batches = [padded[k : k + BATCH] for k in range(0, len(padded), BATCH)]
+    found = [stretch_margins(problem, segment, funnel, batch, seed=seed) for batch in batches]
+    return np.concatenate(found)[: len(ends)]
+
+
+def slow_margin(problem: Problem, funnel: Funnel, stretch: Stretch, count: int) -> float:
+    """Least margin over random deviations of the shell, each at its worst curvature and θ: what anyone would write.
+
+    Steering has no authority where V_α = 0, thrust none where V_v = 0: a part of the points lies there.
+    """
+    rng = np.random.default_rng(0)
+    covector = rng.normal(size=(count, 4))
+    covector[::3, 0] = covector[::2, 3] = 0.0
+    x = np.linalg.solve(funnel.shape, covector.T).T
+    low = funnel.beta_lower * min(float(funnel.level(stretch.begin)), float(funnel.level(stretch.end)))
+    high = max(float(funnel.level(stretch.begin)), float(funnel.level(stretch.end)))
+    q = rng.uniform(low, high, count)
+    x *= np.sqrt(q / funnel.form(x))[:, None]
+    drop = np.minimum(q / funnel.beta_lower, high)
+    worst = np.full(count, np.inf)
+    for kappa in (stretch.bounds.curvature.lower, stretch.bounds.curvature.upper):
+        point = ReferencePoint(kappa, 1.0)
+        values = []
+        for inputs in np.array(np.meshgrid(*[(i.lower, i.upper) for i in problem.inputs])).reshape(3, -1).T:
+            rate = np.stack(np.broadcast_arrays(*deviation_rate(problem.vehicle, tuple(x.T), tuple(inputs), point)), 1)
+            values.append(2 * np.einsum("ki,ij,kj->k", x, funnel.shape, rate) + funnel.rate * q * inputs[0])
+        worst = np.minimum(worst, -np.min(values, axis=0) / drop)
+    return float(worst.min())
+
+
+def test_particles_find_what_sampling_finds_and_more(bend: tuple[Problem, Segment, Funnel]) -> None:
+    problem, segment, funnel = bend
+    ends = [(0.0, 0.1), (0.3, 0.9), (0.8, 1.2), (0.0, 2.0)]
+    found = margins(problem, segment, funnel, ends)
+    sampled = np.array([slow_margin(problem, funnel, stretch_of(segment, *pair), 200_000) for pair in ends])
+    assert (found <= 1.002 * sampled).all() and found[-1] < 0.9 * sampled[-1]
+    assert (found >= sampled - 0.05 * MARGIN).all()
+
+
+def test_a_longer_stretch_has_less_and_a_place_has_what_the_falsifier_finds(
+    bend: tuple[Problem, Segment, Funnel],
+) -> None:
+    problem, segment, funnel = bend
+    nested = [(0.8 - spread, 0.8 + spread) for spread in (0.001, 0.05, 0.1, 0.2, 0.4)]
+    assert (np.diff(margins(problem, segment, funnel, nested)) < 0).all()
+    places = [(at, at + 1e-6) for at in np.linspace(0.0, DURATION - 1e-6, 32)]
+    least = margins(problem, segment, funnel, places).min()
+    (worst,) = (point for point in falsify(problem, segment, funnel) if point.condition == "d")
+    assert least == pytest.approx(worst.slack, rel=0.01)
+    assert worst.slack == pytest.approx(MARGIN, rel=0.01)
+
+
+def test_as_few_stretches_as_the_target_needs(bend: tuple[Problem, Segment, Funnel]) -> None:
+    problem, segment, funnel = bend
+    counts = []
+    for share in (0.95, 0.85, 0.5):
+        target = share * MARGIN
+        ends, reached = plan(problem, segment, funnel, target, 20)
+        assert reached == target and ends[-1] == CELLS and list(ends) == sorted(set(ends))
+        at = np.array([0, *ends]) / CELLS * DURATION
+        assert margins(problem, segment, funnel, list(itertools.pairwise(at)), seed=1).min() >= 0.998 * target
+        joined = list(zip(at[:-2], at[2:], strict=True))
+        assert (margins(problem, segment, funnel, joined) < target).all()
+        counts.append(len(ends))
+    assert counts == sorted(counts, reverse=True) and counts[0] > counts[-1]
+
+
+def test_a_target_out_of_reach_is_lowered(bend: tuple[Problem, Segment, Funnel]) -> None:
+    problem, segment, funnel = bend
+    few = plan(problem, segment, funnel, 0.95 * MARGIN, 4)
+    assert len(few.ends) <= 4 and 0.5 * MARGIN < few.target < 0.95 * MARGIN
+    high = plan(problem, segment, funnel, 1.1 * MARGIN, 20)
+    assert 0.9 * MARGIN < high.target < MARGIN
+    assert plan(problem, segment, funnel, 10 * MARGIN, 4) == Plan((CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0)
+
+
+def test_a_margin_is_looked_for_once(bend: tuple[Problem, Segment, Funnel], monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, segment, funnel = bend
+    planner = _Planner(problem, segment, funnel)
+    first = planner.ends(0.8 * MARGIN, 20)
+
+    def never(*_: object) -> np.ndarray:
+        raise AssertionError("asked twice")
+
+    monkeypatch.setattr("cfjax.certificate.plan.stretch_margins", never)
+    assert planner.ends(0.8 * MARGIN, 20) == first and first[0]
+    with pytest.raises(AssertionError, match="asked twice"):
+        replace(planner).ends(0.8 * MARGIN, 20)
