@@ -1,0 +1,170 @@
+"""Demonstrations: what a controller that looks ahead would do, for many deviations at once.
+
+A finite-horizon optimal-control problem by shooting: inputs (u0, *vehicle inputs) constant over intervals, anywhere in
+their box; the cost is the distance from the reference and effort. Path following may choose its timing u0, for
+trajectory tracking it is 1. Solved by control-limited differential dynamic programming (Y. Tassa, N. Mansard and
+E. Todorov, "Control-limited differential dynamic programming", ICRA 2014), with the Gauss–Newton Hessian:
+
+- the box is in the loop: each backward step solves a quadratic program over the box of one interval's inputs, three or
+  four numbers, so limits are kept exactly and inputs at a limit leave the feedback. Penalties, squashing or a barrier
+  would need their own loop and never quite reach a limit, where best inputs mostly are;
+- every iterate is a trajectory, so what has not converged is still a demonstration;
+- its work is the same small dense steps for every problem: a batch runs side by side. A sparse interior-point method
+  has to factor a system of hundreds of unknowns for each, a projected gradient method needs hundreds of iterations.
+
+In place of a search along the line the step is damped (Levenberg–Marquardt): a step that does not lower the cost by a
+fair share of what the model promises is taken back and tried again with more damping, each problem at its own pace.
+
+**Nothing here is trusted.** A demonstration is a local minimum of a discretised problem. What is learned from it is
+checked by falsifier and certifier.
+"""
+
+from functools import partial
+from typing import Final, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+from numpy.typing import ArrayLike
+
+from cfjax.demonstrator.ddp import rollout
+from cfjax.demonstrator.pool import solve_all
+from cfjax.demonstrator.task import Task, Weights, piece_of, reference_of, resting, weights_of
+from cfjax.errors import InputError
+from cfjax.problem import Problem, Vehicle
+
+
+TOLERANCE: Final = 1e-4  # of the cost: a half-width of any one input would change it by no more, to first order
+MOST_ITERATIONS: Final = 100
+
+
+class Horizon(NamedTuple):
+    """How far ahead: `steps` intervals of `step` s."""
+
+    steps: int = 20
+    step: float = 0.1
+
+
+class Demonstration(NamedTuple):
+    """What to do at k deviations, and what is expected to come of it."""
+
+    inputs: Float[Array, "k m"]  # the first ones, (u0, *vehicle inputs), inside the box
+    plan: Float[Array, "k N m"]  # all inputs, one row per interval
+    states: Float[Array, "k N+1 n"]  # deviations at the ends of the intervals
+    theta: Float[Array, "k N+1"]  # s along the path
+    cost: Float[Array, " k"]
+    converged: Bool[Array, " k"]  # the residual is below the tolerance
+    residual: Float[
+        Array, " k"
+    ]  # largest effect of a half-width of an input on the cost, to first order, over the cost
+    iterations: Int[Array, " k"]
+
+    def next_plan(self) -> Float[Array, "k N m"]:
+        """The warm start for one interval later: the plan without its first inputs, the last ones twice."""
+        return jnp.concatenate([self.plan[:, 1:], self.plan[:, -1:]], axis=1)
+
+
+def demonstrate(
+    problem: Problem,
+    x: ArrayLike,
+    theta: ArrayLike | None = None,
+    *,
+    horizon: Horizon = Horizon(),
+    weights: Weights | None = None,
+    warm: ArrayLike | None = None,
+    tolerance: float = TOLERANCE,
+    most_iterations: int = MOST_ITERATIONS,
+) -> Demonstration:
+    """The best inputs over the horizon from deviations x at θ, all of them at once.
+
+    Along a path θ moves with u0 and the reference with it; beyond the end of the path it stays as it is there. On a
+    steady path, and in a tube (of which the reference is the middle of its bounds), θ has no influence.
+
+    Args:
+        problem: the vehicle, its input box, the path. Its sets only scale the default weights, nothing keeps to them.
+        x: deviations (k, n): rad, m, m, units of the internal states. Of any size: headings beyond π are not wrapped.
+        theta: (k,) s along the whole path; 0 if not given.
+        horizon: intervals.
+        weights: of the cost; `weights_of(problem)` if not given.
+        warm: inputs (k, N, m) to begin with, e.g. `Demonstration.next_plan()` of the interval before; clipped into the
+            box. If not given, the feed-forward of the reference at the start.
+        tolerance: of the optimality conditions, see `Demonstration.residual`.
+        most_iterations: of backward and forward passes; what needs more comes back as it is, not converged.
+
+    Raises:
+        InputError: for shapes that do not fit and numbers that are not finite.
+    """
+    n, m = problem.dimension, len(problem.inputs)
+    start = _array("x", x, (None, n))
+    count = start.shape[0]
+    along = np.zeros(count) if theta is None else _array("theta", theta, (count,))
+    if not (isinstance(horizon.steps, int) and horizon.steps >= 1 and 0 < horizon.step < np.inf):
+        raise InputError(f"horizon: expected at least one step of a positive finite length, got {tuple(horizon)}")
+    guess = None if warm is None else jnp.asarray(_array("warm", warm, (count, horizon.steps, m)))
+    weights = weights_of(problem) if weights is None else weights
+    for name, matrix, size in (
+        ("state", weights.state, n),
+        ("effort", weights.effort, m),
+        ("terminal", weights.terminal, n),
+    ):
+        _array(f"weights.{name}", matrix, (size, size))
+    reference, end = reference_of(problem)
+    task = Task(
+        reference,
+        jnp.asarray(end, float),
+        jnp.array([interval.lower for interval in problem.inputs]),
+        jnp.array([interval.upper for interval in problem.inputs]),
+        Weights(*(jnp.asarray(matrix, float) for matrix in weights)),
+        jnp.asarray(horizon.step, float),
+    )
+    z = np.concatenate([start, along[:, None]], axis=1) if task.moves else start
+    begin, guesses = _prepared(problem.vehicle, task, jnp.asarray(z), guess, horizon.steps)
+    solved = solve_all(problem.vehicle, task, begin, guesses, tolerance, most_iterations)
+    return _demonstrated(problem.vehicle, task, begin, jnp.asarray(along), solved)
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> np.ndarray:
+    array = np.asarray(value, float)
+    expected = " × ".join("k" if size is None else str(size) for size in shape)
+    if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
+        raise InputError(f"{name}: expected an array of shape {expected}, got {' × '.join(map(str, array.shape))}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite numbers, got {np.sum(~np.isfinite(array))} that are not")
+    if array.shape[0] == 0:
+        raise InputError(f"{name}: expected at least one row, got none")
+    return array
+
+
+@partial(jax.jit, static_argnames=("vehicle", "steps"))
+def _prepared(vehicle: Vehicle, task: Task, z: Array, warm: Array | None, steps: int) -> tuple[Array, Array]:
+    """States (z, k) and inputs (N, m, k) to begin with."""
+    begin = z.T
+    if warm is None:
+        rest = resting(vehicle, task, begin, piece_of(task, begin))
+        return begin, jnp.broadcast_to(rest[None], (steps, rest.shape[0], begin.shape[1]))
+    guess = jnp.moveaxis(warm, 0, -1)
+    return begin, jnp.clip(guess, task.lower[None, :, None], task.upper[None, :, None])
+
+
+@partial(jax.jit, static_argnames="vehicle")
+def _demonstrated(vehicle: Vehicle, task: Task, begin: Array, theta: Array, solved) -> Demonstration:
+    n = len(vehicle.state_names)
+    plan = rollout(vehicle, task, begin, None, solved.inputs)
+    states = jnp.concatenate([plan.states, plan.last[None]])
+    if task.moves:
+        along = states[:, n].T
+    else:
+        ahead = jnp.cumsum(solved.inputs[:, 0], axis=0) * task.step
+        along = theta[:, None] + jnp.concatenate([jnp.zeros((1, theta.shape[0])), ahead]).T
+    inputs = jnp.moveaxis(plan.inputs, -1, 0)
+    return Demonstration(
+        inputs[:, 0],
+        inputs,
+        jnp.moveaxis(states[:, :n], -1, 0),
+        along,
+        plan.cost,
+        solved.converged,
+        solved.residual,
+        solved.iterations,
+    )

@@ -1,0 +1,142 @@
+"""Many problems through few lanes: what converges makes room, so that nobody waits for the slowest of a batch.
+
+Problems need between two and a hundred iterations. A batch that iterates until its last one is done does most of its
+work for nothing; here a fixed number of lanes iterates, small enough for the processor's cache, and whenever an eighth
+of them is done the results are put away and the next problems take their places.
+"""
+
+from functools import partial
+from typing import Final, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from cfjax.demonstrator.box import COMPILER
+from cfjax.demonstrator.ddp import Plan, backward, rollout
+from cfjax.demonstrator.task import Task
+from cfjax.problem import Vehicle
+
+
+LANES: Final = 512
+CHANGED: Final = 1 / 8  # of the lanes, before results are put away
+FIRST_DAMPING: Final = 0.1  # of the inputs' half-widths; the weight of the smallest problem's effort is of that size
+LEAST_DAMPING: Final = 1e-8  # below it there is nothing left to feel
+MOST_DAMPING: Final = 1e8  # beyond it no step is left: a plan that cannot be improved in floating point
+ACCEPTED: Final = 0.05  # of the promised fall of the cost: a step with less is taken back
+TRUSTED: Final = 0.5  # of it: the damping falls
+CALMER: Final = 0.1  # the damping then
+STRICTER: Final = 8.0  # the damping after a step that was taken back
+
+
+class Lanes(NamedTuple):
+    """The problems in work; arrays end in one entry per lane."""
+
+    number: Int[Array, " w"]  # of the problem; one too many where there is none
+    start: Float[Array, "z w"]
+    plan: Plan
+    damping: Float[Array, " w"]
+    iterations: Int[Array, " w"]
+    residual: Float[Array, " w"]
+    converged: Bool[Array, " w"]
+    finished: Bool[Array, " w"]
+
+
+class Solved(NamedTuple):
+    """Results, one problem per entry of the last axis."""
+
+    inputs: Float[Array, "N m k"]
+    cost: Float[Array, " k"]
+    residual: Float[Array, " k"]  # relative to the cost
+    converged: Bool[Array, " k"]
+    iterations: Int[Array, " k"]
+
+
+def improved(vehicle: Vehicle, task: Task, lanes: Lanes, tolerance: float, most: int) -> Lanes:
+    """Every unfinished lane after one iteration: a step that keeps its promise is taken, else the damping rises."""
+    policy = backward(vehicle, task, lanes.plan, lanes.damping)
+    converged = policy.residual <= tolerance * lanes.plan.cost
+    trial = rollout(vehicle, task, lanes.start, lanes.plan, policy)
+    fall = lanes.plan.cost - trial.cost
+    open_ = ~(lanes.finished | converged)
+    taken = open_ & (fall > ACCEPTED * policy.promise) & (fall > 0)
+    damping = jnp.where(
+        taken,
+        jnp.where(fall > TRUSTED * policy.promise, jnp.maximum(CALMER * lanes.damping, LEAST_DAMPING), lanes.damping),
+        STRICTER * lanes.damping,
+    )
+    iterations = lanes.iterations + open_
+    return Lanes(
+        lanes.number,
+        lanes.start,
+        jax.tree.map(
+            lambda new, old: jnp.where(taken.reshape((1,) * (new.ndim - 1) + (-1,)), new, old), trial, lanes.plan
+        ),
+        jnp.where(lanes.finished, lanes.damping, jnp.where(damping < 1e-3, jnp.where(taken, damping, 1e-3), damping)),
+        iterations,
+        jnp.where(lanes.finished, lanes.residual, policy.residual),
+        jnp.where(lanes.finished, lanes.converged, converged),
+        lanes.finished | converged | (iterations >= most) | ~(damping < MOST_DAMPING) | ~jnp.isfinite(lanes.plan.cost),
+    )
+
+
+@partial(jax.jit, static_argnames=("vehicle", "lanes"), compiler_options=COMPILER)
+def solve_all(
+    vehicle: Vehicle,
+    task: Task,
+    starts: Float[Array, "z k"],
+    guesses: Float[Array, "N m k"],
+    tolerance: float,
+    most: int,
+    lanes: int = LANES,
+) -> Solved:
+    """All problems, each from its guess of the inputs."""
+    count = starts.shape[1]
+    width = min(count, lanes)
+
+    def enter(numbers: Array, old: Lanes | None, fresh: Array) -> Lanes:
+        at = jnp.minimum(numbers, count - 1)
+        start, guess = starts[:, at], guesses[:, :, at]
+        idle = numbers >= count
+        if old is not None:
+            start = jnp.where(fresh[None], start, old.start)
+            guess = jnp.where(fresh[None, None], guess, old.plan.inputs)
+        plan = rollout(vehicle, task, start, None, guess)
+        none = jnp.zeros(width)
+        new = Lanes(numbers, start, plan, none + FIRST_DAMPING, none.astype(int), none, idle, idle)
+        if old is None:
+            return new
+        return jax.tree.map(lambda a, b: jnp.where(fresh.reshape((1,) * (a.ndim - 1) + (-1,)), a, b), new, old)
+
+    def store(solved: Solved, lanes: Lanes) -> Solved:
+        at = jnp.where(lanes.finished, lanes.number, count)
+        found = Solved(
+            lanes.plan.inputs,
+            lanes.plan.cost,
+            lanes.residual / jnp.where(lanes.plan.cost > 0, lanes.plan.cost, 1.0),
+            lanes.converged,
+            lanes.iterations,
+        )
+        return jax.tree.map(lambda all_, new: all_.at[..., at].set(new, mode="drop"), solved, found)
+
+    def work(carry: tuple[Array, Lanes, Solved]) -> tuple[Array, Lanes, Solved]:
+        following, lanes, solved = carry
+        idle = jnp.sum(lanes.number >= count)
+        enough = jnp.where(following < count, max(1, int(CHANGED * width)), width - idle)
+
+        def unfinished(lanes: Lanes) -> Array:
+            return jnp.sum(lanes.finished) - idle < enough
+
+        lanes = jax.lax.while_loop(unfinished, lambda now: improved(vehicle, task, now, tolerance, most), lanes)
+        solved = store(solved, lanes)
+        numbers = following + jnp.cumsum(lanes.finished) - 1
+        numbers = jnp.where(lanes.finished, jnp.minimum(numbers, count), lanes.number)
+        left = jnp.minimum(following + jnp.sum(lanes.finished), count)
+        return left, enter(numbers, lanes, lanes.finished), solved
+
+    empty = Solved(
+        jnp.zeros_like(guesses), jnp.zeros(count), jnp.zeros(count), jnp.zeros(count, bool), jnp.zeros(count, int)
+    )
+    first = enter(jnp.arange(width), None, jnp.ones(width, bool))
+    carry = (jnp.asarray(width), first, empty)
+    return jax.lax.while_loop(lambda carry: jnp.any(carry[1].number < count), work, carry)[2]

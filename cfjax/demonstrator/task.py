@@ -1,0 +1,163 @@
+"""The optimal-control problem that is solved, in scalars: reference, dynamics over one interval, cost.
+
+States z = (x, θ): the deviation and, where the reference depends on it, the place along the path; inputs
+(u0, *vehicle inputs), constant over an interval. Every scalar may be an array with one entry per problem of a batch.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from cfjax.demonstrator.box import keep
+from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate
+from cfjax.problem.course import Pieces, point_at, profiles_of
+from cfjax.problem.vehicle import Scalar
+
+
+DEPENDENT = 1e-12  # relative: a column with less left of its square, beside those before it, is no input of its own
+
+
+class Weights(NamedTuple):
+    """Cost Σ h (xᵀQx + (u − u_r)ᵀR(u − u_r)) + x_NᵀQ_N x_N over the horizon, h in s; u_r is the feed-forward.
+
+    Symmetric matrices, positive semidefinite; R positive definite on the inputs that are free.
+    """
+
+    state: Float[np.ndarray | Array, "n n"]  # Q
+    effort: Float[np.ndarray | Array, "m m"]  # R, of (u0, *vehicle inputs)
+    terminal: Float[np.ndarray | Array, "n n"]  # Q_N, s
+
+
+def weights_of(problem: Problem, effort: float = 0.1, terminal: float = 1.0) -> Weights:
+    """Weights without units of their own: deviations count in half-axes of I, inputs in half-widths of their box.
+
+    `effort` is what a half-width of an input costs beside a half-axis of I; `terminal` (s) is how long a deviation at
+    the horizon's end counts. An input that has no choice costs nothing.
+    """
+    half = np.array([interval.half for interval in problem.inputs])
+    squares = np.divide(effort, half**2, out=np.zeros_like(half), where=half > 0)
+    return Weights(problem.inlet.shape, np.diag(squares), terminal * problem.inlet.shape)
+
+
+class Task(NamedTuple):
+    """The numbers of the problem, as a pytree; the vehicle is given beside it."""
+
+    reference: ReferencePoint | Pieces  # one point for all θ, or the profiles along the path
+    end: Scalar  # θ from which the reference stays as it is, s
+    lower: Float[Array, " m"]
+    upper: Float[Array, " m"]
+    weights: Weights
+    step: Scalar  # h, s
+
+    def stay(self, z: Float[Array, "z k"]) -> Float[Array, " k"]:
+        """xᵀQx."""
+        return _form(self.weights.state, z)
+
+    def arrive(self, z: Float[Array, "z k"]) -> Float[Array, " k"]:
+        """xᵀQ_N x."""
+        return _form(self.weights.terminal, z)
+
+    @property
+    def moves(self) -> bool:
+        """Whether θ is a state."""
+        return isinstance(self.reference, Pieces)
+
+
+def _form(matrix: Array, z: Array) -> Array:
+    each = range(matrix.shape[0])
+    return sum(z[i] * sum(matrix[i, j] * z[j] for j in each) for i in each)
+
+
+@lru_cache(maxsize=64)
+def reference_of(problem: Problem) -> tuple[ReferencePoint | Pieces, float]:
+    """What the deviation is measured from, and where along θ (s) it ends.
+
+    Of a tube its nominal reference: the middle of curvature, speed and acceleration (no path of the tube in
+    particular; with an acceleration it lasts no longer than its speeds do, which a horizon is short beside).
+    """
+    if bounds := problem.path.tube:
+        kappa, v, a = bounds.curvature.middle, bounds.speed.middle, bounds.acceleration.middle
+        return ReferencePoint(*(jnp.asarray(number, float) for number in (kappa * v, v, kappa * a, a))), np.inf
+    curve = problem.path.curve
+    duration = sum(segment.duration for segment in curve)
+    if all(segment.is_steady for segment in curve):
+        points = {segment.point(0.0) for segment in curve}
+        if len(points) == 1:
+            return ReferencePoint(*(jnp.asarray(number, float) for number in points.pop())), np.inf
+    return profiles_of(problem.path), duration
+
+
+def point_of(task: Task, theta: Scalar, piece: Scalar) -> ReferencePoint:
+    """The reference at θ by the polynomials of the given piece; beyond the end it stays, without slopes."""
+    if isinstance(task.reference, ReferencePoint):
+        return task.reference
+    point = point_at(task.reference, piece, jnp.clip(theta, 0.0, task.end))
+    inside = theta < task.end
+    return point._replace(
+        turn_rate_slope=jnp.where(inside, point.turn_rate_slope, 0.0),
+        speed_slope=jnp.where(inside, point.speed_slope, 0.0),
+    )
+
+
+def piece_of(task: Task, z: Float[Array, "z k"]) -> Array | int:
+    """Of the path, the piece whose polynomials count over an interval that begins at z."""
+    return keep(task.reference.find(z[-1])) if isinstance(task.reference, Pieces) else 0
+
+
+def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ...]:
+    """Inputs (1, u_r) that hold the vehicle on the reference: `Problem.feedforward` in scalars, for a whole batch.
+
+    Normal equations, eliminated as they stand. An input whose column depends on those before it stays at zero.
+    """
+    count = len(vehicle.input_names)
+    origin = (0.0,) * len(vehicle.state_names)
+
+    def rates(*inputs: float) -> tuple[Scalar, ...]:
+        return deviation_rate(vehicle, origin, (1.0, *inputs), reference)
+
+    def dot(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
+        return sum(a * b for a, b in zip(one, other, strict=True))
+
+    rest = rates(*(0.0,) * count)
+    columns = [
+        [moved - still for moved, still in zip(rates(*(float(i == j) for j in range(count))), rest, strict=True)]
+        for i in range(count)
+    ]
+    table = [[*(dot(columns[i], columns[j]) for j in range(count)), -dot(columns[i], rest)] for i in range(count)]
+    for i in range(count):
+        pivot, whole = table[i][i], dot(columns[i], columns[i])
+        own = pivot > DEPENDENT * whole
+        table[i] = [jnp.where(own, entry / jnp.where(own, pivot, 1.0), 0.0) for entry in table[i]]
+        for k in range(count):
+            if k != i:
+                factor = table[k][i]
+                table[k] = [a - factor * b for a, b in zip(table[k], table[i], strict=True)]
+    return (jnp.ones_like(table[0][-1]), *(row[-1] for row in table))
+
+
+def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, "m k"]:
+    """The feed-forward at z, inside the box; the same for all (k = 1) where the reference is one point."""
+    inputs = feedforward(vehicle, point_of(task, z[-1], piece))
+    return keep(jnp.clip(jnp.stack([jnp.atleast_1d(u) for u in inputs]), task.lower[:, None], task.upper[:, None]))
+
+
+def advance(
+    vehicle: Vehicle, task: Task, z: Float[Array, "z k"], inputs: Float[Array, "m k"], piece: Array | int
+) -> Float[Array, "z k"]:
+    """z after one interval at constant inputs: one step of classical Runge–Kutta of fourth order."""
+    count = len(vehicle.state_names)
+
+    def rate(z: Array) -> Array:
+        rates = deviation_rate(vehicle, tuple(z[:count]), tuple(inputs), point_of(task, z[-1], piece))
+        return keep(jnp.stack([*rates, inputs[0]] if task.moves else [*rates]))
+
+    h = task.step
+    first = rate(z)
+    second = rate(keep(z + 0.5 * h * first))
+    third = rate(keep(z + 0.5 * h * second))
+    fourth = rate(keep(z + h * third))
+    return keep(z + h / 6 * (first + 2 * (second + third) + fourth))
