@@ -1,0 +1,324 @@
+"""The polytope learner on funnels: what its half-spaces mean, what it finds, what it says where it finds nothing."""
+
+import math
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_are
+
+from cfjax.errors import InputError
+from cfjax.funnel import TEMPLATES, Template
+from cfjax.funnel.conditions import chain_excess
+from cfjax.funnel.instance import chain_of
+from cfjax.learner.coefficients import Coordinates
+from cfjax.learner.localise import Ending
+from cfjax.learner.polytope import PolytopeLearned, _Task, best_vertices, dynamics, learn_polytope
+from cfjax.problem import (
+    Box,
+    Disc,
+    Ellipsoid,
+    Interval,
+    Method,
+    Path,
+    Problem,
+    Profile,
+    Segment,
+    ball,
+    circle,
+    deviation_rate,
+    straight,
+    tube,
+)
+from cfjax.problem.path import Pose
+
+
+S = Box((1.0, 1.0, 1.0, 3.0))
+CIRCLE = Problem(circle(), safe=S)
+TEMPLATE = {name: pytest.param(template, id=name) for name, template in TEMPLATES.items()}
+
+
+def feedback(problem: Problem):
+    """The linear quadratic regulator of the first reference, saturated; the timing along which |x|² falls fastest."""
+    point = problem.path.curve[0].point(0.0)
+    rest = problem.feedforward(point)
+    lower, upper = (np.array([getattr(i, side) for i in problem.inputs]) for side in ("lower", "upper"))
+
+    def motion(x: jax.Array, u: jax.Array) -> jax.Array:
+        return jnp.stack([jnp.asarray(r) for r in deviation_rate(problem.vehicle, tuple(x), tuple(u), point)])
+
+    state, columns = map(np.asarray, jax.jacobian(motion, (0, 1))(jnp.zeros(4), jnp.asarray(rest)))
+    effort = np.diag(4 / (upper - lower)[1:] ** 2)
+    solution = solve_continuous_are(state, columns[:, 1:], problem.inlet.shape, effort)
+    gains = np.linalg.solve(effort, columns[:, 1:].T @ solution)
+
+    def demonstrate(theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        timing = best_vertices(problem, TEMPLATES["contracting"], 0.0, np.eye(4), theta, x)[:, :1]
+        return np.clip(np.concatenate([timing, rest[1:] - x @ gains.T], axis=1), lower, upper)
+
+    return demonstrate
+
+
+def no_feedback(theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return np.repeat(CIRCLE.feedforward(CIRCLE.path.curve[0].point(0.0))[None], len(x), axis=0)
+
+
+def coordinates(problem: Problem, template: Template, change: float = 1.0, **options: float) -> Coordinates:
+    chain = chain_of(problem, template, 0.9)
+    found = Coordinates.of(
+        problem, template, chain, 0.9, options.get("beta_inner"), None if template.name == "paper" else change
+    )
+    assert found is not None
+    return found
+
+
+compiled_excess = jax.jit(chain_excess, static_argnums=0)
+
+
+def excess(problem: Problem, funnel) -> float:
+    chain = chain_of(problem, funnel.template, 0.9)
+    factor = np.linalg.cholesky(np.linalg.inv(funnel.shape))[None]
+    return float(compiled_excess(funnel.template, chain, jnp.asarray(factor), jnp.asarray([funnel.rate])).max())
+
+
+def candidates(space: Coordinates, count: int, seed: int) -> np.ndarray:
+    """Random coefficients of the box, of which some satisfy (a), (b), (c) and some do not."""
+    rng = np.random.default_rng(seed)
+    drawn = rng.uniform(space.lower, space.upper, (count, len(space.lower)))
+    middle = 0.5 * (space.lower + space.upper)
+    return middle + rng.uniform(0, 1, (count, 1)) * (drawn - middle)
+
+
+@pytest.mark.parametrize("template", TEMPLATE.values())
+def test_coefficients_stand_for_a_funnel(template: Template) -> None:
+    """Rows against V and its derivative by differences along the demonstrated motion, written out."""
+    for beta_inner in (None, 0.5):
+        space = coordinates(CIRCLE, template)
+        space = replace(space, beta_inner=beta_inner)
+        c = candidates(space, 1, 1)[0]
+        shape, rate = space.shape(c), space.change_of(c) / space.duration
+        rng = np.random.default_rng(2)
+        x = 0.3 * rng.normal(size=(5, 4))
+        theta = rng.uniform(0, space.duration, 5)
+        chain = chain_of(CIRCLE, template, 0.9, beta_inner)
+        task = _Task(CIRCLE, template, chain, space, feedback(CIRCLE), 0.3, 8, False, False, 0)
+        new = task._demonstrated(theta, x, c)
+        point = CIRCLE.path.curve[0].point(0.0)
+        for k, (slack, y, t, u) in enumerate(zip(task._falling(new).slack(c), x, theta, new.inputs, strict=True)):
+            motion = np.array(deviation_rate(CIRCLE.vehicle, tuple(y), tuple(u), point), float)
+            np.testing.assert_allclose(motion, new.drift[k] + new.columns[k] @ u, atol=1e-12)
+            step = 1e-6
+
+            before, here, after = (
+                float(template.value(rate, t + s * u[0], (y + s * motion) @ shape @ (y + s * motion)))
+                for s in (-step, 0.0, step)
+            )
+            falls = (after - before) / (2 * step)
+            fades = template.name == "contracting" or beta_inner is not None
+            demand = 0.3 * here / 0.9 if fades else 0.3
+            assert slack * float(template.scale(rate, t)) == pytest.approx(-falls - demand, abs=1e-6)
+
+
+@pytest.mark.parametrize("template", TEMPLATE.values())
+def test_the_box_holds_every_funnel_and_no_cut_takes_one(template: Template) -> None:
+    """Whatever satisfies (a), (b), (c) lies in the box, in what is known from the start, and in every cut."""
+    problem = Problem(circle(), inlet=Ellipsoid((0.3, 0.4, 0.5, 0.2)), goal=ball(0.45), safe=S)
+    space = coordinates(problem, template, change=1.5)
+    rng = np.random.default_rng(3)
+    good = []
+    for _ in range(4000):
+        c = candidates(space, 1, int(rng.integers(10**9)))[0]
+        if np.linalg.eigvalsh(space.shape(c)).min() > 0 and excess(problem, space.funnel(c)) < -1e-5:
+            good.append(c)
+        if len(good) == 40:
+            break
+    kept = np.array(good)
+    assert len(kept) == 40
+    known, seen = space.known(), 0
+    assert (known.normals @ kept.T <= known.offsets[:, None]).all()
+    for c in candidates(space, 300, 4):
+        cuts = space.broken(c)
+        if len(cuts):
+            seen += 1
+            assert cuts.slack(c).max() <= 1e-9  # each of them takes the candidate
+            assert (cuts.normals @ kept.T <= cuts.offsets[:, None]).all()
+        else:
+            assert excess(problem, space.funnel(c)) <= 0
+    assert seen > 100
+
+
+def test_units_do_not_matter() -> None:
+    """I, G and S scaled: the same coefficients for the scaled C."""
+    space = coordinates(CIRCLE, TEMPLATES["paper"])
+    scale = np.array([0.5, 0.1, 0.1, 2.0])
+    scaled = replace(
+        CIRCLE,
+        inlet=Ellipsoid(tuple(scale * CIRCLE.inlet.half_axes)),
+        goal=Ellipsoid(tuple(scale * CIRCLE.goal.half_axes)),
+        safe=Box(tuple(scale * S.half_widths)),
+    )
+    other = coordinates(scaled, TEMPLATES["paper"])
+    np.testing.assert_allclose(other.lower, space.lower)
+    c = candidates(space, 1, 0)[0]
+    np.testing.assert_allclose(other.shape(c), space.shape(c) / np.outer(scale, scale))
+
+
+def check_found(problem: Problem, found: PolytopeLearned, margin: float) -> None:
+    assert found.learned is not None and found.funnels is not None, found.message
+    assert found.learned.margin >= margin * (1 - 1e-3)
+    assert found.learned.excess < 0
+    assert excess(problem, found.funnels[0]) == pytest.approx(found.learned.excess, abs=1e-9)
+    assert found.iterations <= found.bound + 1
+
+
+@pytest.fixture(scope="module")
+def batched() -> PolytopeLearned:
+    return learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrate=feedback(CIRCLE))
+
+
+def test_the_papers_way_finds_the_circle(batched: PolytopeLearned) -> None:
+    check_found(CIRCLE, batched, 0.04)
+    (run,) = batched.runs
+    assert run.search.ending is Ending.FOUND
+    assert "a funnel of margin" in batched.message
+    # demonstrations bind what was found: along them it falls
+    funnel, x, inputs = batched.funnels[0], run.witnesses.x, run.witnesses.inputs
+    point = CIRCLE.path.curve[0].point(0.0)
+    for y, u in zip(x, inputs, strict=True):
+        motion = np.array(deviation_rate(CIRCLE.vehicle, tuple(y), tuple(u), point), float)
+        assert 2 * y @ funnel.shape @ motion + funnel.rate * u[0] <= -0.04 + 1e-9
+    # every cut took its share of the ellipsoid
+    volumes = np.diff([step.log_volume for step in run.search.history])
+    assert (volumes <= math.log(8 / 9) + 1e-4).all()
+    # 10 entries of C and c0, in the box of [lower, upper]
+    width = np.array([1 - 0.25] * 3 + [1 - 1 / 36] + [math.sqrt(2)] * 6 + [0.88 - 1e-3])
+    ball_ = math.exp((np.log(width).sum() - 5.5 * math.log(math.pi) + math.lgamma(6.5)) / 11)
+    assert batched.bound == math.floor(11 * math.log(ball_ / 0.01) / -math.log(1 - 1 / 11))
+
+
+def test_one_at_a_time_takes_more_candidates(batched: PolytopeLearned) -> None:
+    single = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrate=feedback(CIRCLE), batch=1)
+    check_found(CIRCLE, single, 0.04)
+    assert single.demonstrations <= single.iterations
+    assert single.iterations >= batched.iterations
+
+
+@pytest.mark.parametrize("centre", ["analytic", "chebyshev"])
+def test_other_centres(centre: str) -> None:
+    options = {"margin": 0.03, "delta": 0.001, "demonstrate": feedback(CIRCLE)}
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], centre=centre, **options)
+    check_found(CIRCLE, found, 0.03)
+
+
+def test_rates_are_tried_one_by_one() -> None:
+    options = {"margin": 0.5, "demonstrate": feedback(CIRCLE), "changes": (0.3, 1.5, 3.0)}
+    heard: list[float] = []
+    found = learn_polytope(
+        CIRCLE, TEMPLATES["contracting"], progress=lambda done, of: heard.append(done / of), **options
+    )
+    check_found(CIRCLE, found, 0.5)
+    assert [run.change for run in found.runs] == [0.3, 1.5]  # what is slow does not reach the margin, 3 is not tried
+    assert found.funnels is not None and found.funnels[0].rate == pytest.approx(1.5 / 6)
+    assert heard == sorted(heard) and heard[-1] <= 1
+
+
+def test_climbing_asks_the_same_demonstrations_for_more(batched: PolytopeLearned) -> None:
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.02, demonstrate=feedback(CIRCLE), climb=True)
+    check_found(CIRCLE, found, 0.02)
+    (run,) = found.runs
+    assert run.search.ending is Ending.TOO_SMALL
+    assert found.learned is not None and run.asked > found.learned.margin
+    assert f"no 0.01-robust candidate of margin {run.asked:.4g} 1/s is compatible with these" in found.message
+
+
+def test_what_no_feedback_cannot_do_is_said_within_the_bound() -> None:
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.05, demonstrate=no_feedback)
+    assert found.learned is None and found.funnels is None
+    (run,) = found.runs
+    assert run.search.ending is Ending.TOO_SMALL and run.search.cuts <= run.search.bound + 1
+    assert f"no 0.01-robust candidate of margin 0.05 1/s is compatible with these {run.demonstrations}" in found.message
+
+
+def test_revised_demonstrations_need_not_be_good() -> None:
+    """From the same useless demonstrations: inputs chosen anew for the candidates."""
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.02, demonstrate=no_feedback, revise=True)
+    check_found(CIRCLE, found, 0.02)
+    (run,) = found.runs
+    assert np.ptp(run.witnesses.inputs, axis=0).max() > 0
+
+
+def test_revised_demonstrations_show_nothing_where_nothing_is_found() -> None:
+    found = learn_polytope(CIRCLE, TEMPLATES["contracting"], margin=30.0, changes=(1.0,), revise=True)
+    assert found.learned is None
+    assert "nothing is shown" in found.message and "compatible" not in found.message
+
+
+def test_tracking_and_a_speed_that_varies() -> None:
+    """A stretch of road on which the car speeds up, looked at by stations, the clock running at rate 1."""
+    speed = Profile((0.0, 3.0), ((1.0, 0.2),))
+    segment = Segment(Profile.constant(0.0, 3.0), speed, Pose(-np.pi / 2, 0.0, 0.0))
+    problem = Problem(Path("faster", (segment,)), safe=S, method=Method.TT)
+    found = learn_polytope(
+        problem, TEMPLATES["contracting"], margin=0.1, demonstrate=feedback(problem), changes=(1.0,), delta=0.002
+    )
+    check_found(problem, found, 0.1)
+    (run,) = found.runs
+    assert len(np.unique(run.witnesses.theta)) > 1
+
+
+def test_an_obstacle_beside_the_road() -> None:
+    problem = Problem(straight(), obstacles=(Disc(1.0, 0.92, 0.3),))
+    assert problem.safe is None
+    found = learn_polytope(
+        problem, TEMPLATES["contracting"], margin=0.3, demonstrate=feedback(problem), changes=(1.0,), delta=0.002
+    )
+    check_found(problem, found, 0.3)
+    # a funnel as wide as 0.8 m would reach it; the half-spaces take it off, and not the one that was found
+    assert found.funnels is not None
+    chain = chain_of(problem, TEMPLATES["contracting"], 0.9)
+    space = coordinates(problem, TEMPLATES["contracting"])
+    task = _Task(problem, TEMPLATES["contracting"], chain, space, feedback(problem), 0.3, 8, False, False, 0)
+    wide = space.form(np.eye(4) * problem.inlet.half_axes).sum(axis=0) * (0.5 / 0.8) ** 2
+    np.testing.assert_allclose(space.shape(wide), np.eye(4) / 0.8**2, atol=1e-12)
+    cuts = task._near_obstacles(wide)
+    assert len(cuts) == 8 and cuts.slack(wide).max() < 0
+    entries = space.inlet[:, None] * found.funnels[0].shape * space.inlet
+    rows, columns = np.triu_indices(4)
+    narrow = entries[rows, columns] * np.where(rows == columns, 1.0, math.sqrt(2))
+    assert len(task._near_obstacles(narrow)) == 0
+
+
+def test_dynamics_of_any_number_of_points() -> None:
+    x = np.random.default_rng(5).normal(size=(130, 4))
+    drift, columns = dynamics(CIRCLE, np.zeros(130), x)
+    point = CIRCLE.path.curve[0].point(0.0)
+    for k in (0, 63, 64, 129):
+        rates = deviation_rate(CIRCLE.vehicle, tuple(x[k]), (0.7, 0.2, -1.0), point)
+        np.testing.assert_allclose(drift[k] + columns[k] @ (0.7, 0.2, -1.0), np.array(rates, float), atol=1e-12)
+    assert dynamics(CIRCLE, np.zeros(0), x[:0])[0].shape == (0, 4)
+
+
+def test_what_cannot_be_asked_is_refused() -> None:
+    paper = TEMPLATES["paper"]
+    with pytest.raises(InputError, match="a path, got a tube"):
+        learn_polytope(Problem(tube(), goal=ball(0.6)), paper, margin=0.1, revise=True)
+    both = Path("both", (*circle().segments, *circle(radius=2.0).segments))
+    with pytest.raises(InputError, match="learner=polytope: expected one distinct segment, got 2"):
+        learn_polytope(Problem(both, safe=S), paper, margin=0.1, revise=True)
+    for options in ({"margin": 0.0}, {"centre": "middle"}, {"delta": 0.0}, {"batch": 0}, {"revise": False}):
+        with pytest.raises(InputError):
+            learn_polytope(CIRCLE, paper, **{"margin": 0.1, "revise": True, **options})
+    with pytest.raises(InputError, match="inputs within the problem's box"):
+        learn_polytope(CIRCLE, paper, margin=0.1, demonstrate=lambda theta, x: np.full((len(x), 3), 9.0))
+    nowhere = Problem(circle(), inlet=ball(0.5), goal=ball(0.05), safe=S)
+    found = learn_polytope(nowhere, TEMPLATES["contracting"], margin=0.1, revise=True)
+    assert found.learned is None and found.message == "no rate of those tried leaves room between I and G"
+
+
+def test_a_chain_of_equal_segments_is_one() -> None:
+    laps = Problem(Path("laps", circle().segments * 2), safe=S, timing=Interval(0.5, 2.0))
+    found = learn_polytope(laps, TEMPLATES["paper"], margin=0.04, demonstrate=feedback(laps))
+    check_found(laps, found, 0.04)
+    assert found.funnels is not None and found.funnels[0].end_level < 1
