@@ -29,28 +29,50 @@ class Policy(NamedTuple):
     residual: Float[Array, " k"]  # of the optimality conditions, in units of the cost; see `backward`
 
 
-def rollout(vehicle: Vehicle, task: Task, start: Float[Array, "z k"], plan: Plan | None, policy) -> Plan:
-    """The plan that follows a policy around another plan, inside the box; or, without one, the given inputs."""
+def rollout(vehicle: Vehicle, task: Task, start: Float[Array, "z k"], inputs: Float[Array, "N m k"]) -> Plan:
+    """The plan of given inputs, clipped into the box."""
 
-    def interval(carry: tuple[Array, Array], knot: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        z, cost = carry
-        if plan is None:
-            u = knot
-        else:
-            old, u, change, gain = knot
-            u = u + change + applied(gain, z - old)
-        u = keep(jnp.clip(u, task.lower[:, None], task.upper[:, None]))
-        piece = piece_of(task, z)
-        off = u - resting(vehicle, task, z, piece)
-        cost = cost + task.step * (task.stay(z) + dot(off, applied(task.weights.effort[:, :, None], off)))
-        return (advance(vehicle, task, z, u, piece), keep(cost)), (z, u)
+    def interval(carry: tuple[Array, Array], u: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        return _driven(vehicle, task, carry, u)
 
-    along = policy if plan is None else (plan.states, plan.inputs, policy.change, policy.gain)
-    (last, cost), (states, inputs) = jax.lax.scan(interval, (start, jnp.zeros(start.shape[1:])), along)
+    (last, cost), (states, inputs) = jax.lax.scan(interval, (start, jnp.zeros(start.shape[1:])), inputs)
     return Plan(states, last, inputs, cost + task.arrive(last))
 
 
+def followed(vehicle: Vehicle, task: Task, plan: Plan, policy: Policy) -> Plan:
+    """The plan that follows a policy around another plan, from the same start."""
+
+    def interval(carry: tuple[Array, Array], knot: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        old, u, change, gain = knot
+        return _driven(vehicle, task, carry, u + change + applied(gain, carry[0] - old))
+
+    along = (plan.states, plan.inputs, policy.change, policy.gain)
+    (last, cost), (states, inputs) = jax.lax.scan(interval, (plan.states[0], jnp.zeros_like(plan.cost)), along)
+    return Plan(states, last, inputs, cost + task.arrive(last))
+
+
+def _driven(
+    vehicle: Vehicle, task: Task, carry: tuple[Array, Array], u: Array
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """State and cost after an interval, from those before it; and what was passed."""
+    z, cost = carry
+    u = keep(jnp.clip(u, task.lower[:, None], task.upper[:, None]))
+    piece = piece_of(task, z)
+    off = u - resting(vehicle, task, z, piece)
+    cost = cost + task.step * (task.stay(z) + dot(off, applied(task.weights.effort[:, :, None], off)))
+    return (advance(vehicle, task, z, u, piece), keep(cost)), (z, u)
+
+
 def backward(vehicle: Vehicle, task: Task, plan: Plan, damping: Float[Array, " k"]) -> Policy:
+    """The policy that is best for the quadratic model of the cost along the plan, inside the box.
+
+    The model: dynamics to first order, cost to second, so its Hessian is positive semidefinite (Gauss–Newton);
+    `damping` adds to it for each input, in half-widths. Value and policy of Tassa, Mansard and Todorov (2014), eqs. (5)
+    to (11), here with V = ½ zᵀ V_zz z + V_zᵀ z.
+
+    The residual is of the exact problem, by its costates: the largest effect on the cost, to first order, of a
+    half-width of any one input, those that the box holds against it apart.
+    """
     n, m = len(vehicle.state_names), 1 + len(vehicle.input_names)
     nz = n + task.moves
     h = task.step

@@ -29,7 +29,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from cfjax.demonstrator.ddp import rollout
-from cfjax.demonstrator.pool import solve_all
+from cfjax.demonstrator.pool import Solved, solve_all
 from cfjax.demonstrator.task import Task, Weights, piece_of, reference_of, resting, weights_of
 from cfjax.errors import InputError
 from cfjax.problem import Problem, Vehicle
@@ -148,9 +148,9 @@ def _prepared(vehicle: Vehicle, task: Task, z: Array, warm: Array | None, steps:
 
 
 @partial(jax.jit, static_argnames="vehicle")
-def _demonstrated(vehicle: Vehicle, task: Task, begin: Array, theta: Array, solved) -> Demonstration:
+def _demonstrated(vehicle: Vehicle, task: Task, begin: Array, theta: Array, solved: Solved) -> Demonstration:
     n = len(vehicle.state_names)
-    plan = rollout(vehicle, task, begin, None, solved.inputs)
+    plan = rollout(vehicle, task, begin, solved.inputs)
     states = jnp.concatenate([plan.states, plan.last[None]])
     if task.moves:
         along = states[:, n].T

@@ -6,22 +6,25 @@ of them is done the results are put away and the next problems take their places
 """
 
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from cfjax.demonstrator.box import COMPILER
-from cfjax.demonstrator.ddp import Plan, backward, rollout
+from cfjax.demonstrator.ddp import Plan, backward, followed, rollout
 from cfjax.demonstrator.task import Task
 from cfjax.problem import Vehicle
+from cfjax.problem.vehicle import Scalar
 
 
 LANES: Final = 512
+STILL: Final = 1e-10  # cost: less is the reference itself, as far as floating point can tell
 CHANGED: Final = 1 / 8  # of the lanes, before results are put away
 FIRST_DAMPING: Final = 0.1  # of the inputs' half-widths; the weight of the smallest problem's effort is of that size
 LEAST_DAMPING: Final = 1e-8  # below it there is nothing left to feel
+SOME_DAMPING: Final = 1e-3  # at least, after a step that was taken back
 MOST_DAMPING: Final = 1e8  # beyond it no step is left: a plan that cannot be improved in floating point
 ACCEPTED: Final = 0.05  # of the promised fall of the cost: a step with less is taken back
 TRUSTED: Final = 0.5  # of it: the damping falls
@@ -33,7 +36,6 @@ class Lanes(NamedTuple):
     """The problems in work; arrays end in one entry per lane."""
 
     number: Int[Array, " w"]  # of the problem; one too many where there is none
-    start: Float[Array, "z w"]
     plan: Plan
     damping: Float[Array, " w"]
     iterations: Int[Array, " w"]
@@ -52,32 +54,33 @@ class Solved(NamedTuple):
     iterations: Int[Array, " k"]
 
 
-def improved(vehicle: Vehicle, task: Task, lanes: Lanes, tolerance: float, most: int) -> Lanes:
+def improved(vehicle: Vehicle, task: Task, lanes: Lanes, tolerance: Scalar, most: Scalar) -> Lanes:
     """Every unfinished lane after one iteration: a step that keeps its promise is taken, else the damping rises."""
     policy = backward(vehicle, task, lanes.plan, lanes.damping)
-    converged = policy.residual <= tolerance * lanes.plan.cost
-    trial = rollout(vehicle, task, lanes.start, lanes.plan, policy)
+    converged = policy.residual <= tolerance * jnp.maximum(lanes.plan.cost, STILL)
+    trial = followed(vehicle, task, lanes.plan, policy)
     fall = lanes.plan.cost - trial.cost
     open_ = ~(lanes.finished | converged)
     taken = open_ & (fall > ACCEPTED * policy.promise) & (fall > 0)
-    damping = jnp.where(
-        taken,
-        jnp.where(fall > TRUSTED * policy.promise, jnp.maximum(CALMER * lanes.damping, LEAST_DAMPING), lanes.damping),
-        STRICTER * lanes.damping,
-    )
+    calmer = jnp.where(fall > TRUSTED * policy.promise, CALMER, 1.0) * lanes.damping
+    stricter = jnp.maximum(STRICTER * lanes.damping, SOME_DAMPING)
+    damping = jnp.where(taken, jnp.maximum(calmer, LEAST_DAMPING), stricter)
     iterations = lanes.iterations + open_
+    stuck = (damping > MOST_DAMPING) | ~jnp.isfinite(lanes.plan.cost)
     return Lanes(
         lanes.number,
-        lanes.start,
-        jax.tree.map(
-            lambda new, old: jnp.where(taken.reshape((1,) * (new.ndim - 1) + (-1,)), new, old), trial, lanes.plan
-        ),
-        jnp.where(lanes.finished, lanes.damping, jnp.where(damping < 1e-3, jnp.where(taken, damping, 1e-3), damping)),
+        _chosen(taken, trial, lanes.plan),
+        jnp.where(open_, damping, lanes.damping),
         iterations,
         jnp.where(lanes.finished, lanes.residual, policy.residual),
-        jnp.where(lanes.finished, lanes.converged, converged),
-        lanes.finished | converged | (iterations >= most) | ~(damping < MOST_DAMPING) | ~jnp.isfinite(lanes.plan.cost),
+        lanes.converged | (converged & ~lanes.finished),
+        ~open_ | (iterations >= most) | stuck,
     )
+
+
+def _chosen(which: Bool[Array, " w"], new: Any, old: Any) -> Any:
+    """Lane by lane one of two pytrees."""
+    return jax.tree.map(lambda a, b: jnp.where(which.reshape((1,) * (a.ndim - 1) + (-1,)), a, b), new, old)
 
 
 @partial(jax.jit, static_argnames=("vehicle", "lanes"), compiler_options=COMPILER)
@@ -86,27 +89,19 @@ def solve_all(
     task: Task,
     starts: Float[Array, "z k"],
     guesses: Float[Array, "N m k"],
-    tolerance: float,
-    most: int,
+    tolerance: Scalar,
+    most: Scalar,
     lanes: int = LANES,
 ) -> Solved:
     """All problems, each from its guess of the inputs."""
     count = starts.shape[1]
     width = min(count, lanes)
 
-    def enter(numbers: Array, old: Lanes | None, fresh: Array) -> Lanes:
+    def entering(numbers: Array) -> Lanes:
         at = jnp.minimum(numbers, count - 1)
-        start, guess = starts[:, at], guesses[:, :, at]
-        idle = numbers >= count
-        if old is not None:
-            start = jnp.where(fresh[None], start, old.start)
-            guess = jnp.where(fresh[None, None], guess, old.plan.inputs)
-        plan = rollout(vehicle, task, start, None, guess)
-        none = jnp.zeros(width)
-        new = Lanes(numbers, start, plan, none + FIRST_DAMPING, none.astype(int), none, idle, idle)
-        if old is None:
-            return new
-        return jax.tree.map(lambda a, b: jnp.where(fresh.reshape((1,) * (a.ndim - 1) + (-1,)), a, b), new, old)
+        idle, none = numbers >= count, jnp.zeros(width)
+        plan = rollout(vehicle, task, starts[:, at], guesses[:, :, at])
+        return Lanes(numbers, plan, none + FIRST_DAMPING, none.astype(int), none, idle & False, idle)
 
     def store(solved: Solved, lanes: Lanes) -> Solved:
         at = jnp.where(lanes.finished, lanes.number, count)
@@ -132,11 +127,11 @@ def solve_all(
         numbers = following + jnp.cumsum(lanes.finished) - 1
         numbers = jnp.where(lanes.finished, jnp.minimum(numbers, count), lanes.number)
         left = jnp.minimum(following + jnp.sum(lanes.finished), count)
-        return left, enter(numbers, lanes, lanes.finished), solved
+        return left, _chosen(lanes.finished, entering(numbers), lanes), solved
 
     empty = Solved(
         jnp.zeros_like(guesses), jnp.zeros(count), jnp.zeros(count), jnp.zeros(count, bool), jnp.zeros(count, int)
     )
-    first = enter(jnp.arange(width), None, jnp.ones(width, bool))
+    first = entering(jnp.arange(width))
     carry = (jnp.asarray(width), first, empty)
     return jax.lax.while_loop(lambda carry: jnp.any(carry[1].number < count), work, carry)[2]

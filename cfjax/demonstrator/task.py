@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cfjax.demonstrator.box import keep
+from cfjax.demonstrator.box import applied, dot, keep
 from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate
 from cfjax.problem.course import Pieces, point_at, profiles_of
 from cfjax.problem.vehicle import Scalar
@@ -27,9 +27,9 @@ class Weights(NamedTuple):
     Symmetric matrices, positive semidefinite; R positive definite on the inputs that are free.
     """
 
-    state: Float[np.ndarray | Array, "n n"]  # Q
-    effort: Float[np.ndarray | Array, "m m"]  # R, of (u0, *vehicle inputs)
-    terminal: Float[np.ndarray | Array, "n n"]  # Q_N, s
+    state: Float[Array, "n n"]  # Q
+    effort: Float[Array, "m m"]  # R, of (u0, *vehicle inputs)
+    terminal: Float[Array, "n n"]  # Q_N, s
 
 
 def weights_of(problem: Problem, effort: float = 0.1, terminal: float = 1.0) -> Weights:
@@ -40,7 +40,8 @@ def weights_of(problem: Problem, effort: float = 0.1, terminal: float = 1.0) -> 
     """
     half = np.array([interval.half for interval in problem.inputs])
     squares = np.divide(effort, half**2, out=np.zeros_like(half), where=half > 0)
-    return Weights(problem.inlet.shape, np.diag(squares), terminal * problem.inlet.shape)
+    state = jnp.asarray(problem.inlet.shape)
+    return Weights(state, jnp.asarray(np.diag(squares)), terminal * state)
 
 
 class Task(NamedTuple):
@@ -68,8 +69,8 @@ class Task(NamedTuple):
 
 
 def _form(matrix: Array, z: Array) -> Array:
-    each = range(matrix.shape[0])
-    return sum(z[i] * sum(matrix[i, j] * z[j] for j in each) for i in each)
+    x = z[: matrix.shape[0]]
+    return dot(x, applied(matrix[:, :, None], x))
 
 
 @lru_cache(maxsize=64)
@@ -119,7 +120,7 @@ def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ..
     def rates(*inputs: float) -> tuple[Scalar, ...]:
         return deviation_rate(vehicle, origin, (1.0, *inputs), reference)
 
-    def dot(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
+    def inner(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
         return sum(a * b for a, b in zip(one, other, strict=True))
 
     rest = rates(*(0.0,) * count)
@@ -127,9 +128,9 @@ def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ..
         [moved - still for moved, still in zip(rates(*(float(i == j) for j in range(count))), rest, strict=True)]
         for i in range(count)
     ]
-    table = [[*(dot(columns[i], columns[j]) for j in range(count)), -dot(columns[i], rest)] for i in range(count)]
+    table = [[*(inner(columns[i], columns[j]) for j in range(count)), -inner(columns[i], rest)] for i in range(count)]
     for i in range(count):
-        pivot, whole = table[i][i], dot(columns[i], columns[i])
+        pivot, whole = table[i][i], inner(columns[i], columns[i])
         own = pivot > DEPENDENT * whole
         table[i] = [jnp.where(own, entry / jnp.where(own, pivot, 1.0), 0.0) for entry in table[i]]
         for k in range(count):
@@ -139,7 +140,7 @@ def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ..
     return (jnp.ones_like(table[0][-1]), *(row[-1] for row in table))
 
 
-def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, "m k"]:
+def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, "m #k"]:
     """The feed-forward at z, inside the box; the same for all (k = 1) where the reference is one point."""
     inputs = feedforward(vehicle, point_of(task, z[-1], piece))
     return keep(jnp.clip(jnp.stack([jnp.atleast_1d(u) for u in inputs]), task.lower[:, None], task.upper[:, None]))
