@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from cfjax.demonstrator import weights_of
-from cfjax.problem import Problem
+from cfjax.problem import Problem, Profile
 
 
 class Reference(NamedTuple):
@@ -122,13 +122,21 @@ def solver(
     return call
 
 
+def _from(profile: Profile, theta: float) -> list[float]:
+    """The coefficients of the piece at θ, ascending powers of what is beyond θ."""
+    piece = int(np.searchsorted(profile.breaks, theta, side="right")) - 1
+    shifted = np.polynomial.Polynomial([theta - profile.breaks[piece], 1.0])
+    return list(np.polynomial.Polynomial(profile.coefficients[piece])(shifted).coef)
+
+
 def solver_of(problem: Problem, name: str = "ipopt"):
     """The problem's numbers, put into `solver`."""
     begin, omega, speed, since = [], [], [], 0.0
     for segment in problem.path.curve:
-        assert segment.turn_rate.breaks == segment.speed.breaks
-        begin += [since + b for b in segment.speed.breaks[:-1]]
-        omega, speed = [*omega, *segment.turn_rate.coefficients], [*speed, *segment.speed.coefficients]
+        for b in np.union1d(segment.turn_rate.breaks, segment.speed.breaks)[:-1]:
+            begin.append(since + b)
+            omega.append(_from(segment.turn_rate, b))
+            speed.append(_from(segment.speed, b))
         since += segment.duration
     order = max(map(len, omega + speed))
     omega, speed = ([[*c, *[0.0] * (order - len(c))] for c in table] for table in (omega, speed))
