@@ -1,31 +1,49 @@
 """A path in exact numbers: what its floating-point profiles stand for, as the checker reads them.
 
-Decimals are taken as they print. Speeds are made continuous along each segment by the constant terms of later pieces,
-poses follow by integration from the first one (`cfjax.check.reference`).
+Decimals are taken as they print, which leaves the pieces of a spline a rounding apart. Speeds are made continuous by
+the constant terms of later pieces, poses follow by integration from the first one (`cfjax.check.reference`); what
+misses by more than rounding is refused.
 """
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
-from flint import fmpq
+from flint import acb, arb, fmpq
 
-from cfjax.check.rational import rational
-from cfjax.check.reference import (
-    ExactPose,
-    Piece,
-    Reference,
-    StatedProfile,
-    StatedSegment,
-    check_start,
-    exact_reference,
-)
+from cfjax.check.piece import Piece
+from cfjax.check.polynomial import Coefficients, evaluate, shifted
+from cfjax.check.rational import decimal_text, rational, upper_bound
+from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
 from cfjax.errors import InputError
 from cfjax.problem.path import Path, Segment
 
 
 def exact_numbers(numbers: Sequence[float]) -> tuple[fmpq, ...]:
+    """Each as the decimal that it prints as."""
     return tuple(rational(float(number)) for number in numbers)
+
+
+@dataclass(frozen=True)
+class StatedProfile:
+    """A piecewise polynomial: `coefficients[k]` in ascending powers of θ − breaks[k] (s)."""
+
+    breaks: tuple[fmpq, ...]
+    coefficients: tuple[Coefficients, ...]
+
+    def __post_init__(self) -> None:
+        ascending = all(a < b for a, b in zip(self.breaks, self.breaks[1:], strict=False))
+        if len(self.breaks) != len(self.coefficients) + 1 or not ascending or not all(self.coefficients):
+            raise ValueError("a profile needs increasing breaks, one more than pieces, and coefficients in each")
+
+
+class StatedSegment(NamedTuple):
+    """A stretch of path as it is written down: ω_r in rad/s, v_r in m/s, start pose (α in rad, x and y in m)."""
+
+    turn_rate: StatedProfile
+    speed: StatedProfile
+    start: tuple[fmpq, fmpq, fmpq]
 
 
 def stated(segment: Segment) -> StatedSegment:
@@ -41,6 +59,39 @@ def stated(segment: Segment) -> StatedSegment:
         ),
         (alpha, x, y),
     )
+
+
+def exact_reference(segments: Sequence[StatedSegment]) -> Reference:
+    """The reference that a chain of segments states.
+
+    Speed is made continuous by the constant terms of later pieces, poses by integrating from the first one.
+
+    Raises:
+        ValueError: where the speed jumps by more than 1e-9 m/s, or a later segment does not start (1e-6 rad, 1e-6 m)
+            where the one before ends.
+    """
+    pieces: list[Piece] = []
+    arc = fmpq(0)
+    for index, segment in enumerate(segments):
+        breaks = segment.turn_rate.breaks, segment.speed.breaks
+        if breaks[0][0] != 0 or breaks[1][0] != 0 or breaks[0][-1] != breaks[1][-1]:
+            raise ValueError(f"segment {index}: turn rate and speed need the same range of theta, from 0")
+        speed = _continuous(index, segment.speed, pieces[-1] if pieces else None)
+        ends = breaks[0] if breaks[0] == breaks[1] else sorted({*breaks[0], *breaks[1]})
+        turning = moving = 0
+        for begin, end in itertools.pairwise(ends):
+            turning += breaks[0][turning + 1] <= begin
+            moving += breaks[1][moving + 1] <= begin
+            turn_rate = shifted(segment.turn_rate.coefficients[turning], begin - breaks[0][turning])
+            piece = Piece(index, begin, end - begin, turn_rate, shifted(speed[moving], begin - breaks[1][moving]), arc)
+            pieces.append(piece)
+            arc += piece.length
+    heading, x, y = segments[0].start
+    reference = Reference(tuple(pieces), ExactPose(heading, acb(arb(x), arb(y))))
+    if len(segments) > 1:
+        for index, segment in enumerate(segments[1:], start=1):
+            _check_start(index, segment.start, reference.poses[index])
+    return reference
 
 
 def exact_course(path: Path) -> Reference:
@@ -60,10 +111,42 @@ def exact_course(path: Path) -> Reference:
         start = exact_reference(statements[:1]).start
         reference = Reference(tuple(pieces), ExactPose(start.heading, start.position))
         for index, statement in enumerate(statements[1:], start=1):
-            check_start(index, statement.start, reference.poses[index])
+            _check_start(index, statement.start, reference.poses[index])
     except ValueError as error:
         raise InputError(f"path {path.name}: {error}") from None
     return reference
+
+
+def _continuous(index: int, profile: StatedProfile, before: Piece | None) -> list[Coefficients]:
+    """The speed's coefficients with constant terms that continue the piece before, exactly."""
+    value = before.end_speed if before else profile.coefficients[0][0]
+    result = []
+    for begin, end, (meant, *higher) in zip(profile.breaks, profile.breaks[1:], profile.coefficients, strict=False):
+        if abs(meant - value) > LARGEST_SPEED_GAP:
+            raise ValueError(
+                f"speed jumps by {float(meant - value):.6g} m/s at theta = {float(begin):.6g} s of segment {index}, "
+                f"from {float(value):.6g} to {float(meant):.6g} m/s: expected a continuous speed"
+            )
+        result.append((value, *higher))
+        value = evaluate(result[-1], end - begin)
+    return result
+
+
+def _check_start(index: int, start: tuple[fmpq, fmpq, fmpq], pose: ExactPose) -> None:
+    """Raises ValueError where a segment does not start where the one before ends."""
+    heading, x, y = start
+    turn = heading_gap(heading, pose.heading)
+    if turn > LARGEST_POSE_GAP:
+        raise ValueError(
+            f"heading jumps by {decimal_text(turn)} rad between segments {index - 1} and {index}: no car follows a "
+            f"corner, expected the segments to meet with one heading"
+        )
+    apart = upper_bound(abs(acb(arb(x), arb(y)) - pose.position))
+    if apart > LARGEST_POSE_GAP:
+        raise ValueError(
+            f"segment {index} starts {decimal_text(apart)} m away from where segment {index - 1} ends: expected the "
+            f"same place"
+        )
 
 
 def write_pieces(pieces: Sequence[Piece]) -> list[dict[str, Any]]:

@@ -19,8 +19,8 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 from cfjax import InputError, Interval, Options, Problem, Verdict, ball, synthesize, tube
 from cfjax.certificate.writing import dump
+from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import rational
-from cfjax.check.reference import CertifiedTube
 from cfjax.report.progress import progress_on
 from cfjax.report.run_folder import write_whole
 from cfjax.tubes.store import pack, read_tube

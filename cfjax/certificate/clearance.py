@@ -27,7 +27,8 @@ from cfjax.check.clearance import (
 )
 from cfjax.check.decrease import Matrix
 from cfjax.check.enclosure import Budget
-from cfjax.check.reference import ExactPose, Piece, between
+from cfjax.check.piece import Piece, between
+from cfjax.check.reference import ExactPose
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
 

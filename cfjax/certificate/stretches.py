@@ -25,10 +25,10 @@ from cfjax.check.decrease import Cell, CellProof, Exponents, Matrix, SteadyDecre
 from cfjax.check.document import MOST_GRAM_ENTRIES, CellKey, unpack_triangle
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
+from cfjax.check.piece import Piece, between
 from cfjax.check.proof import extremes_of, signs_text
 from cfjax.check.rational import decimal_text, rational
 from cfjax.check.reader import Broken
-from cfjax.check.reference import Piece, between
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim, place_of
 from cfjax.falsifier import Suspect

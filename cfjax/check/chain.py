@@ -2,7 +2,7 @@
 
 The file states the path, piece by piece in exact numbers, and brings the whole certificate of every tube. Each of them
 is replayed; then the path has to be a path (speed continuous, pose and heading by integration), to stay inside the
-bounds of the tube that holds there, and each tube has to hand over to the next (`cfjax.check.reference`). A closed path
+bounds of the tube that holds there, and each tube has to hand over to the next (`cfjax.check.handover`). A closed path
 hands over to its own beginning, over the gap that integration leaves. Where the file names sets, I lies in the first
 tube, every tube in S, and what is left of the last one at the end in G.
 """
@@ -14,24 +14,17 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from flint import fmpq
 
+from cfjax.check.certified import LAW_SHARE, CertifiedTube
 from cfjax.check.containment import broken_containments
 from cfjax.check.document import FORMAT, MOST_PIECES, VERSION, document_hash, read_claims, read_reference
+from cfjax.check.handover import Run, prove_chain
 from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.reader import Broken, Item, Unreadable
-from cfjax.check.reference import (
-    LAW_SHARE,
-    STATES,
-    CertifiedTube,
-    Origin,
-    Reference,
-    Run,
-    is_closed,
-    prove_chain,
-)
+from cfjax.check.reference import Reference, is_closed
 from cfjax.check.report import Outcome, Report
 from cfjax.check.similarity import scaled, served
 from cfjax.check.tube import TubeClaim
-from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.check.vehicle import KNOWN_VEHICLES, STATES
 
 
 CHAIN = "chain"
@@ -62,7 +55,7 @@ class ChainClaim:
     sets: SetsClaim | None
 
 
-def tube_of(document: object, name: str, source: str | dict | None = None) -> CertifiedTube:
+def tube_of(document: object, name: str) -> CertifiedTube:
     """The tube that a certificate claims, unproven.
 
     Raises:
@@ -88,7 +81,6 @@ def tube_of(document: object, name: str, source: str | dict | None = None) -> Ce
         margin=funnel.margin,
         margin_per_metre=funnel.margin_per_metre,
         inputs=problem.inputs,
-        origin=None if source is None else Origin(source),
     )
 
 

@@ -34,8 +34,11 @@ from flint import acb, arb, arb_series, fmpq, fmpq_mat
 
 from cfjax.check.decrease import Matrix
 from cfjax.check.enclosure import Budget
+from cfjax.check.piece import Piece, between
+from cfjax.check.polynomial import bernstein
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
-from cfjax.check.reference import STATES, ExactPose, Piece, bernstein, between
+from cfjax.check.reference import ExactPose
+from cfjax.check.vehicle import STATES
 
 
 TERMS = 3  # of a Taylor series of second order

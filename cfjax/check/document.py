@@ -15,9 +15,11 @@ from flint import acb, arb, fmpq
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
 from cfjax.check.decrease import Matrix
 from cfjax.check.graph import ARITY, Graph, Node
+from cfjax.check.piece import Piece
+from cfjax.check.polynomial import Coefficients
 from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
-from cfjax.check.reference import Coefficients, ExactPose, Piece, Reference
+from cfjax.check.reference import ExactPose, Reference
 from cfjax.check.tube import TubeClaim
 
 

@@ -28,9 +28,10 @@ from cfjax.check.document import (
     StretchHints,
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
+from cfjax.check.piece import between
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
-from cfjax.check.reference import Gap, between, is_closed
+from cfjax.check.reference import Gap, is_closed
 from cfjax.check.symbolic import Symbolic
 from cfjax.check.tube import TubeClaim, is_mirrored, place_of, require_tube_structure
 from cfjax.check.vehicle import KNOWN_VEHICLES

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 from flint import fmpq
 
-from cfjax.check.reference import CertifiedTube, Range
+from cfjax.check.certified import CertifiedTube
+from cfjax.check.tube import Range
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 

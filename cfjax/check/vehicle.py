@@ -14,6 +14,9 @@ from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
 
 
+STATES = ("alpha", "x", "y", "v")  # of a car in the plane, from its reference, in the body frame of that
+
+
 @dataclass(frozen=True)
 class KnownVehicle:
     """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate.
@@ -62,7 +65,7 @@ def _bicycle_scaled(parameters: Mapping[str, fmpq], length: fmpq, speed: fmpq) -
 KNOWN_VEHICLES = {
     "kinematic_bicycle": KnownVehicle(
         ("wheelbase", "max_tan_steering", "max_thrust"),
-        ("alpha", "x", "y", "v"),
+        STATES,
         {"w": "max_tan_steering", "thrust": "max_thrust"},
         _bicycle,
         _bicycle_covers,

@@ -20,7 +20,6 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +30,7 @@ from flint import fmpq
 from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
 from cfjax.check.containment import half_widths
+from cfjax.check.rational import float_below
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
@@ -130,13 +130,13 @@ def _write_certificate(result: Result, path: Path, check: Check) -> Result:
 def _with_margins(result: Result, report: Report) -> Result:
     """The margins that the checker proved, rounded down."""
     segments = zip(result.segments, report.margins, strict=True)
-    per_metre = None if report.margin_per_metre is None else _rounded_down(report.margin_per_metre)
-    way = None if report.contraction is None else -_rounded_down(-report.contraction)
+    per_metre = None if report.margin_per_metre is None else float_below(report.margin_per_metre)
+    way = None if report.contraction is None else -float_below(-report.contraction)
     return result.replace(
         segments=tuple(
             dataclasses.replace(
                 segment,
-                margin_certified=_rounded_down(margin),
+                margin_certified=float_below(margin),
                 # the tubes that hold a path have one each: of their own certificates, which were replayed too
                 margin_per_metre=segment.margin_per_metre if segment.span else per_metre,
                 contraction=way,
@@ -144,12 +144,6 @@ def _with_margins(result: Result, report: Report) -> Result:
             for segment, margin in segments
         )
     )
-
-
-def _rounded_down(number: fmpq) -> float:
-    """The largest float that is not above the rational number."""
-    exact = Fraction(int(number.p), int(number.q))
-    return float(exact) if Fraction(float(exact)) <= exact else math.nextafter(float(exact), -math.inf)
 
 
 def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
@@ -290,7 +284,7 @@ def _below(value: float) -> float:
 
 def _half_widths(funnel: Funnel) -> list[float]:
     exact = half_widths([[fmpq(*float(entry).as_integer_ratio()) for entry in row] for row in funnel.shape])
-    return [-_rounded_down(-width) for width in exact]
+    return [-float_below(-width) for width in exact]
 
 
 def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:

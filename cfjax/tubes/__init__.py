@@ -1,6 +1,6 @@
 """Certified tubes along a path: those that travel with the package, for any bicycle, and which of them holds where."""
 
-from cfjax.check.reference import CertifiedTube
+from cfjax.check.certified import CertifiedTube
 from cfjax.check.similarity import scaled
 from cfjax.tubes.certificate import chain_document, write_chain
 from cfjax.tubes.follow import Following, Link, Stretch, follow

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cfjax.check.certified import CertifiedTube
 from cfjax.check.chain import CHAIN
 from cfjax.check.document import FORMAT, VERSION, document_hash
 from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
-from cfjax.check.reference import CertifiedTube
 from cfjax.errors import InputError
 from cfjax.exact import exact_numbers, write_pieces
 from cfjax.problem import Problem

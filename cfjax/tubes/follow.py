@@ -2,7 +2,7 @@
 
 Each tube holds along every path within its intervals. So nothing is optimised for a path: it is cut into pieces, each
 piece asks which tubes hold it, and a chain is the cheapest way through them, where a tube can only be left for one that
-holds all that is left of it after the distance it has had (`cfjax.check.reference` proves each of these claims). Cost
+holds all that is left of it after the distance it has had (`cfjax.check.handover` proves each of these claims). Cost
 is the lateral half-width √((C⁻¹)_xx) weighted by length.
 """
 
@@ -18,28 +18,18 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Bool, Float, Int
 
+from cfjax.check.certified import CertifiedTube
+from cfjax.check.handover import Run, hands_over, needed_distance, prove_chain
+from cfjax.check.piece import Piece
 from cfjax.check.rational import float_below, rational, sqrt_upper
-from cfjax.check.reference import (
-    LARGEST_POSE_GAP,
-    LARGEST_SPEED_GAP,
-    CertifiedTube,
-    Gap,
-    Piece,
-    Reference,
-    Run,
-    StatedSegment,
-    exact_reference,
-    hands_over,
-    is_closed,
-    needed_distance,
-    prove_chain,
-)
+from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
 from cfjax.errors import InputError
-from cfjax.exact import stated
+from cfjax.exact import StatedSegment, exact_reference, stated
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.problem.path import Path, Pose, Profile, Segment
 from cfjax.tubes.store import library
 from cfjax.tubes.vehicles import parameters_of
+from cfjax.tubes.violation import furthest_out
 
 
 CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
@@ -189,7 +179,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
     holds = np.array([inside[tube.curvature, tube.speed, tube.acceleration] for tube in tubes])
     outside = np.flatnonzero(~holds.any(axis=0))
     if outside.size:
-        raise ValueError(_outside([pieces[index] for index in outside], tubes))
+        raise ValueError(furthest_out([pieces[index] for index in outside], tubes))
     gap = _gap(reference) if closed else None
     chain = _choose(reference, tubes, holds, gap)
     runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
@@ -292,27 +282,6 @@ def _stretches(pieces: Sequence[Piece], runs: Sequence[Run]) -> tuple[Stretch, .
 
 
 # --- refusals
-
-
-def _outside(pieces: Sequence[Piece], tubes: Sequence[CertifiedTube]) -> str:
-    """Where pieces that no tube holds are furthest from the tube that is nearest to them."""
-    found: list[tuple[float, str]] = []
-    for piece in pieces:
-        nearest = []
-        for tube in tubes:
-            relative = [
-                (float(v.excess / max(abs(v.bound), upper - lower, v.excess)), f"{v}, where tube {tube.name} ends")
-                for v in piece.violations(tube)
-                for lower, upper in [getattr(tube, v.quantity)]
-                if v.excess
-            ]
-            nearest += [max(relative, key=_size)] if relative else []
-        found += [min(nearest, key=_size)] if nearest else []
-    return max(found, key=_size)[1] if found else "no tube holds along it"
-
-
-def _size(entry: tuple[float, str]) -> float:
-    return entry[0]
 
 
 def _gap(reference: Reference) -> Gap:

@@ -15,10 +15,11 @@ from flint import fmpq
 
 from cfjax.certificate.stretches import bounded
 from cfjax.check import Outcome, check_document
+from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
 from cfjax.check.containment import broken_containments
 from cfjax.check.rational import float_below, rational
-from cfjax.check.reference import STATES, CertifiedTube
+from cfjax.check.vehicle import STATES
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, exact_numbers
 from cfjax.funnel import Funnel, template_named
@@ -82,7 +83,7 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
         )
     name = "learned"
     try:
-        tube = tube_of(made.document, name, made.document)
+        tube = replace(tube_of(made.document, name), origin=Origin(made.document))
         following = follow(problem.path, [tube], vehicle=problem.vehicle, closed=problem.path.closed)
     except ValueError as error:
         message = f"the learned tube does not hold along the path: {error}"

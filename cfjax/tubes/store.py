@@ -1,14 +1,15 @@
 """The tubes that travel with the package: certificates in `library/`, one file each."""
 
 import lzma
+from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 
 from cfjax.check import Outcome, check_document
+from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
 from cfjax.check.reader import Unreadable, read_json
-from cfjax.check.reference import CertifiedTube
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.tubes.vehicles import for_vehicle
@@ -33,7 +34,7 @@ def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
         name = name.removesuffix(suffix)
     try:
         document = read_json(path)
-        tube = tube_of(document, name, str(path))
+        tube = replace(tube_of(document, name), origin=Origin(str(path)))
     except (Unreadable, ValueError) as error:
         raise InputError(f"{path}: expected the certificate of a tube ({error})") from None
     if check and (report := check_document(document)).outcome is not Outcome.PROVEN:

@@ -2,8 +2,8 @@
 
 from flint import fmpq
 
+from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import rational
-from cfjax.check.reference import CertifiedTube
 from cfjax.check.similarity import scaled, served
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.errors import InputError

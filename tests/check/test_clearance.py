@@ -15,8 +15,10 @@ from flint import acb, arb, fmpq
 from cfjax.certificate.clearance import NotClear, find_half_planes
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim, Shadow, prove_clearance
 from cfjax.check.enclosure import Budget
+from cfjax.check.piece import Piece, between
 from cfjax.check.rational import rational
-from cfjax.check.reference import ExactPose, Piece, StatedProfile, StatedSegment, between, exact_reference
+from cfjax.check.reference import ExactPose
+from cfjax.exact import StatedProfile, StatedSegment, exact_reference
 from cfjax.funnel import template_named
 from cfjax.problem import Segment, obstacle_path
 from cfjax.problem.curves import figure_eight

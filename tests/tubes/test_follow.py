@@ -12,15 +12,16 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfjax.check.certified import LAW_SHARE
 from cfjax.check.document import document_hash
 from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
-from cfjax.check.reference import LAW_SHARE, exact_reference
 from cfjax.errors import InputError
-from cfjax.exact import stated
+from cfjax.exact import exact_reference, stated
 from cfjax.problem import KinematicBicycle, Path, Pose, Profile, Segment, Twist, circle, straight
 from cfjax.problem import tube as bounds
 from cfjax.tubes import CertifiedTube, Following, follow, library, library_files, read_tube
+from tests import by_hand
 
 
 LAP_PARTS = 5
@@ -30,23 +31,12 @@ def tube(
     name: str, curvature: float = 1.0, scale: float = 1.0, margin: float = 1.0, speed: tuple[float, float] = (0.5, 2.0)
 ) -> CertifiedTube:
     """A tube that nobody certified, lateral half-width about √(1/(5 scale)); the law lowers V by margin/2 per metre."""
-    diagonal = (6, 5, 4, 7)
-    shape = [[rational(scale) * (diagonal[i] if i == j else fmpq(1, 2)) for j in range(4)] for i in range(4)]
-    kappa = rational(curvature)
-    return CertifiedTube(
-        name=name,
-        vehicle="kinematic_bicycle",
-        parameters={"wheelbase": fmpq(17, 50)},
-        method="pf",
-        curvature=(-kappa, kappa),
+    return by_hand.tube(
+        name,
+        rational(curvature),
+        rational(scale),
         speed=(rational(speed[0]), rational(speed[1])),
-        acceleration=(fmpq(-1), fmpq(1)),
-        shape=shape,
-        beta_lower=fmpq(1, 4),
-        beta_inner=fmpq(1, 100),
-        margin=fmpq(1),
         margin_per_metre=rational(margin) / LAW_SHARE,
-        inputs={"u0": (fmpq(1, 2), fmpq(2)), "w": (fmpq(-1), fmpq(1))},
     )
 
 

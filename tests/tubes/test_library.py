@@ -13,7 +13,7 @@ import cfjax
 from cfjax.certificate import certify
 from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, check_file
-from cfjax.check.reference import CertifiedTube
+from cfjax.check.certified import CertifiedTube
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import (

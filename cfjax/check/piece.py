@@ -1,0 +1,194 @@
+"""A piece of a reference, on which turning rate ω_r(θ) and speed v_r(θ) are polynomials over the rationals.
+
+Whether it stays inside a tube's bounds is decided exactly: one such as κ = ω_r/v_r ≤ κ_hi is the polynomial inequality
+κ_hi v_r − ω_r ≥ 0 on the piece (`cfjax.check.polynomial`). Turn and length are integrals and rational, the displacement
+is enclosed in balls (`cfjax.check.displacement`).
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+from flint import acb, acb_series, arb, arb_poly, fmpq, fmpq_poly
+
+from cfjax.check.certified import CertifiedTube
+from cfjax.check.displacement import along_arc, along_curve, series
+from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate, integral, is_nonnegative, shifted
+from cfjax.check.tube import Range, TubeClaim
+
+
+class Spread(NamedTuple):
+    """What a quantity's control values tell of it: it lies in [lower, upper], and both `ends` are among its values."""
+
+    lower: fmpq
+    upper: fmpq
+    ends_lower: fmpq
+    ends_upper: fmpq
+
+    @classmethod
+    def of(cls, control: Sequence[fmpq]) -> "Spread":
+        first, last = control[0], control[-1]
+        return cls(min(control), max(control), min(first, last), max(first, last))
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch on which ω_r and v_r are polynomials of t = θ − theta, 0 ≤ t ≤ duration.
+
+    `theta` (s) counts from the segment's start, `arc` (m) from the path's.
+    """
+
+    segment: int
+    theta: fmpq
+    duration: fmpq
+    turn_rate: Coefficients
+    speed: Coefficients
+    arc: fmpq
+
+    @cached_property
+    def length(self) -> fmpq:
+        """Metres of reference, where the speed is positive."""
+        return evaluate(integral(self.speed), self.duration)
+
+    def profile(self, at: fmpq) -> dict[str, fmpq]:
+        """What the dynamics see of it at t (s), by the names of a vehicle's graph."""
+        return {
+            "turn_rate": evaluate(self.turn_rate, at),
+            "speed": evaluate(self.speed, at),
+            "turn_rate_slope": evaluate(derivative(self.turn_rate), at),
+            "speed_slope": evaluate(derivative(self.speed), at),
+        }
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether turning rate and speed are."""
+        return len(self.turn_rate) == len(self.speed) == 1
+
+    @property
+    def end_speed(self) -> fmpq:
+        """v_r where the piece ends, m/s."""
+        return evaluate(self.speed, self.duration)
+
+    @cached_property
+    def turn(self) -> fmpq:
+        """By how much the heading changes, in rad."""
+        return evaluate(integral(self.turn_rate), self.duration)
+
+    @cached_property
+    def _controls(self) -> tuple[list[fmpq], list[fmpq]]:
+        degree = max(len(self.turn_rate), len(self.speed)) - 1
+        return bernstein(self.turn_rate, self.duration, degree), bernstein(self.speed, self.duration, degree)
+
+    @cached_property
+    def _speeds(self) -> Spread:
+        return Spread.of(self._controls[1])
+
+    @cached_property
+    def _accelerations(self) -> Spread:
+        return Spread.of(bernstein(derivative(self.speed), self.duration))
+
+    @cached_property
+    def _curvatures(self) -> Spread | None:
+        """None where the speed's Bernstein coefficients are not all positive.
+
+        κ = Σ ω_i B_i / Σ v_i B_i is a mean of the ω_i/v_i with weights v_i B_i ≥ 0.
+        """
+        turns, speeds = self._controls
+        if min(speeds) <= 0:
+            return None
+        return Spread.of([turn / speed for turn, speed in zip(turns, speeds, strict=True)])
+
+    @cached_property
+    def _decided(self) -> dict[tuple[str, bool, fmpq], bool]:
+        return {}
+
+    def keeps(self, quantity: str, is_upper: bool, bound: fmpq) -> bool:
+        """Whether the quantity stays on its side of the bound all along: exactly; of curvature at positive speed."""
+        key = (quantity, is_upper, bound)
+        if key not in self._decided:
+            above, below = self.fraction(quantity)  # above − bound · below has the sign of quantity − bound
+            size = max(len(above), len(below))
+            above, below = (c + (fmpq(0),) * (size - len(c)) for c in (above, below))
+            sign = -1 if is_upper else 1
+            slack = [sign * (a - bound * b) for a, b in zip(above, below, strict=True)]
+            self._decided[key] = is_nonnegative(slack, self.duration)
+        return self._decided[key]
+
+    def fraction(self, quantity: str) -> tuple[Coefficients, Coefficients]:
+        """The quantity as a quotient of polynomials."""
+        if quantity == "curvature":
+            return self.turn_rate, self.speed
+        return (self.speed if quantity == "speed" else derivative(self.speed)), (fmpq(1),)
+
+    def inside(self, tube: CertifiedTube | TubeClaim) -> bool:
+        """Whether speed, curvature and acceleration stay inside the tube's intervals all along: decided exactly."""
+        # speed first: it is positive where the curvature's inequality is used
+        return (
+            self._inside("speed", self._speeds, tube.speed)
+            and self._inside("curvature", self._curvatures, tube.curvature)
+            and self._inside("acceleration", self._accelerations, tube.acceleration)
+        )
+
+    def _inside(self, quantity: str, spread: Spread | None, interval: Range) -> bool:
+        lower, upper = interval
+        if spread is None:
+            return self.keeps(quantity, False, lower) and self.keeps(quantity, True, upper)
+        if spread.ends_lower < lower or spread.ends_upper > upper:
+            return False
+        return (spread.lower >= lower or self.keeps(quantity, False, lower)) and (
+            spread.upper <= upper or self.keeps(quantity, True, upper)
+        )
+
+    def split(self, inner: Sequence[fmpq]) -> "Iterator[Piece]":
+        """The same stretch, cut at these t (s), increasing and inside it."""
+        ends = [fmpq(0), *inner, self.duration]
+        travelled = integral(self.speed)
+        for begin, end in itertools.pairwise(ends):
+            yield Piece(
+                self.segment,
+                self.theta + begin,
+                end - begin,
+                shifted(self.turn_rate, begin),
+                shifted(self.speed, begin),
+                self.arc + evaluate(travelled, begin),
+            )
+
+    @cached_property
+    def displacement(self) -> acb:
+        """∫ v_r e^{iP} dt over the piece, P the turn since its start: metres forward + i metres to the left."""
+        return self._displaced[0]
+
+    @cached_property
+    def _displaced(self) -> tuple[acb, int]:
+        """The displacement, and how many stretches it took to enclose it."""
+        if self.is_constant:
+            return along_arc(self.turn_rate[0], self.speed[0], self.duration), 1
+        return along_curve(*self._polynomials, self.duration)
+
+    @property
+    def effort(self) -> int:
+        """Stretches that the enclosure of its displacement takes."""
+        return self._displaced[1]
+
+    def motion(self, at: arb, terms: int) -> tuple[acb_series, acb_series]:
+        """e^{iP} and v_r e^{iP} at t = at + u in powers of u (s), for every number in the ball `at`; P as above."""
+        return series(*self._polynomials, arb_poly([at, 1]), terms)
+
+    @cached_property
+    def _polynomials(self) -> tuple[arb_poly, arb_poly]:
+        """P and v_r."""
+        turn, speed = (arb_poly(fmpq_poly(list(c))) for c in (integral(self.turn_rate), self.speed))
+        return turn, speed
+
+
+def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> list[Piece]:
+    """What the pieces of one segment have between two θ (s, from the segment's start), cut exactly there."""
+    found = []
+    for piece in pieces:
+        inner = sorted(at for at in {begin - piece.theta, end - piece.theta} if 0 < at < piece.duration)
+        found += [part for part in piece.split(inner) if begin <= part.theta < end] if inner else []
+        if not inner and begin <= piece.theta < end:
+            found.append(piece)
+    return found
