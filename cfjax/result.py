@@ -78,6 +78,7 @@ class Result:
     seconds: dict[str, float] = field(default_factory=dict)  # learn, certify, simulate, plot, …, total
     iterations: int = 0  # rounds of the learn–certify loop
     history: tuple[dict[str, float], ...] = ()  # per round: margin falsified, certified, counterexamples
+    search: dict[str, Any] = field(default_factory=dict)  # how the learner went about it: its own figures
     document: dict[str, Any] | None = None  # certificate.json, where there is one
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place stopped the proof
 

@@ -8,13 +8,16 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from cfjax.certificate import certify
-from cfjax.errors import InputError
+from cfjax.demonstrator import demonstrate
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
-from cfjax.learner import Learned, learn_for
-from cfjax.options import Options, Progress
+from cfjax.learner import Learned, learn_for, learn_polytope
+from cfjax.options import Options, Progress, check_question
 from cfjax.problem import Path, Problem
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation import Leg, drive_cars, drive_tube_cars
@@ -49,9 +52,10 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     Raises:
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
     """
+    check_question(problem, options)
     started = time.perf_counter()
     progress = progress or _silent
-    if problem.path.tube or options.certificate == "segment":
+    if problem.path.tube or options.certificate == "segment" or options.learner == "polytope":
         result = _by_segments(problem, options, progress)
     elif options.certificate == "tube":
         result = _by_tubes(problem, options, progress)
@@ -82,8 +86,6 @@ def _by_segments(problem: Problem, options: Options, progress: Progress) -> Resu
 
 def _by_tubes(problem: Problem, options: Options, progress: Progress) -> Result:
     """Tubes that came with the package where they do it, else one that is learned for the path's bounds."""
-    if options.template != "contracting":
-        raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
     found = hold_by_library(problem) if _fits_tubes(options) else None
     if found is not None:
         return found.replace(seconds={"learn": 0.0, "certify": 0.0})
@@ -158,6 +160,7 @@ class _Search:
         self.template = template_named(options.template)
         self.seconds = {"learn": 0.0, "certify": 0.0}
         self.history: list[dict[str, float]] = []
+        self.search: dict[str, Any] = {}
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
@@ -172,7 +175,8 @@ class _Search:
         wanted = self.options.objective.margin
         best: Result | None = None
         aim = _Aim(wanted)
-        for round_ in range(self.options.rounds):
+        # elimination ends with an answer: there is nothing to start a second round from
+        for round_ in range(self.options.rounds if self.options.learner == "gradient" else 1):
             try:
                 result = self._round(round_, aim)
             except Exception as error:
@@ -202,13 +206,17 @@ class _Search:
                 # the proof fell short of what the learner aimed at: aim as much higher
                 aim.target *= 1.001 * wanted / certified if certified else 1 / GOOD_SHARE
         assert best is not None
-        return best.replace(iterations=len(self.history), history=tuple(self.history))
+        return best.replace(iterations=len(self.history), history=tuple(self.history), search=self.search)
 
     def _round(self, round_: int, aim: "_Aim") -> Result:
-        self.problem, learned = self._learn(round_, aim)
+        if self.options.learner == "polytope":
+            learned, reason = self._eliminate()
+        else:
+            self.problem, learned = self._learn(round_, aim)
+            reason = "no candidate was found that satisfies (a), (b) and (c)"
         aim.out_of_reach = aim.target is not None and (learned is None or learned.margin < aim.target)
         if learned is None:
-            return Result(Verdict.INCONCLUSIVE, "no candidate was found that satisfies (a), (b) and (c)", self.problem)
+            return Result(Verdict.INCONCLUSIVE, reason, self.problem)
         if learned.margin <= 0:
             message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
             found = [SegmentResult(funnel, learned.margin) for funnel in learned.funnels]
@@ -220,7 +228,7 @@ class _Search:
     def _learn(self, round_: int, aim: "_Aim") -> tuple[Problem, Learned | None]:
         """The best funnels for the objective, and the problem that they solve."""
         with self.timed("learn"):
-            return learn_for(
+            problem, learned = learn_for(
                 self.options.objective,
                 aim.target,
                 self.asked,
@@ -233,6 +241,42 @@ class _Search:
                 counterexamples=aim.suspects,
                 progress=lambda done, of: self.progress("learn", done, of),
             )
+        candidates = self.search.get("candidates", 0) + self.options.restarts
+        steps = self.search.get("steps", 0) + (learned.steps if learned else 0)
+        self.search = {"learner": "gradient", "candidates": candidates, "steps": steps}
+        return problem, learned
+
+    def _eliminate(self) -> tuple[Learned | None, str]:
+        """The funnel that elimination leaves, or None; and what was found or shown."""
+        how = self.options.polytope
+
+        def demonstrated(theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+            return np.asarray(demonstrate(self.asked, x, theta).inputs)
+
+        with self.timed("learn"):
+            found = learn_polytope(
+                self.asked,
+                self.template,
+                beta_lower=self.options.beta_lower,
+                beta_inner=self.options.beta_inner,
+                margin=how.margin,
+                demonstrate=demonstrated,
+                batch=how.batch,
+                centre=how.centre,
+                revise=how.demonstrations == "revised",
+                climb=how.climb,
+                delta=how.delta,
+                seed=self.options.seed,
+                progress=lambda done, of: self.progress("learn", done, of),
+            )
+        self.search = {
+            "learner": "polytope",
+            "candidates": found.iterations,
+            "bound": found.bound if found.runs else 0,
+            "demonstrations": found.demonstrations,
+            "shown": found.message,
+        }
+        return found.learned, found.message
 
     def _certify(self, learned: Learned) -> tuple[Result, tuple[Suspect, ...]]:
         """Certify, and falsify what was certified: rounding has moved it a little."""

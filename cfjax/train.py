@@ -107,16 +107,20 @@ def _main() -> int:
         begin = sys.argv.index(given.overrides[0], 1) if given.overrides else 1
         sys.argv[begin : begin + len(given.overrides)] = with_path(given.overrides)
     results: list[Result] = []
+    refusals: list[InputError] = []
 
     @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
     def job(node: "DictConfig") -> None:
-        if (result := run_job(node)) is not None:
-            results.append(result)
+        try:
+            if (result := run_job(node)) is not None:
+                results.append(result)
+        except InputError as error:  # kept from Hydra, which would add lines of its own
+            refusals.append(error)
 
     Checks.composed, Checks.sweep = False, None
     try:
         job()
-    except (Refusal, InputError) as error:
+    except Refusal as error:
         return _refuse(str(error))
     except (HydraException, OmegaConfBaseException) as error:
         _forget_sweep(Checks.sweep)
@@ -131,6 +135,8 @@ def _main() -> int:
         return NOT_CERTIFIED
     if Checks.sweep is not None:
         return _finish_sweep(Checks.sweep)
+    if refusals:
+        return _refuse(str(refusals[0]))
     if not results:  # --help, --cfg and the like
         return 0
     return CERTIFIED if results[0].verdict.value == "certified" else NOT_CERTIFIED
@@ -229,6 +235,7 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
     from omegaconf import open_dict
 
     from cfjax.conf import options_of, problem_of, typed, waypoint_file, with_waypoint_file
+    from cfjax.options import check_question
 
     node = node.copy()
     with open_dict(node):
@@ -236,7 +243,9 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
     config = typed(node)
     if file := waypoint_file(config):
         config = with_waypoint_file(config, started_in / file)
-    return config, problem_of(config), options_of(config)
+    problem, options = problem_of(config), options_of(config)
+    check_question(problem, options)
+    return config, problem, options
 
 
 def _finish_sweep(sweep: Path) -> int:

@@ -2,7 +2,7 @@
 
     .venv/bin/python scripts/benchmark_paths.py [--segments 1 2 4 8 16] [--picture FILE]
 
-A chain of 2 m segments, each with a bend of its own (curvature up to 1.6 1/m in turns to the left and to the right, no
+A chain of 2 m segments, each with a bend of its own (curvature up to 0.8 1/m in turns to the left and to the right, no
 two alike), so that nothing is proven once for several of them; path following at 1 m/s from a ball of 0.3 to a ball of
 0.5. Beside it the same number of equal segments, and the path held by tubes. One run of each, one after the other.
 """
@@ -34,7 +34,7 @@ def chain(count: int, alike: bool) -> Course:
     duration = LENGTH / SPEED
     segments, pose = [], Pose(0.0, 0.0, 0.0)
     for index in range(count):
-        peak = 1.2 if alike else (-1.0) ** index * (0.8 + 0.8 * ((0.618 * (index + 1)) % 1.0))
+        peak = 0.6 if alike else (-1.0) ** index * (0.4 + 0.4 * ((0.618 * (index + 1)) % 1.0))
         scale = 16 * peak / duration**4
         bend = Profile((0.0, duration), ((0.0, 0.0, scale * duration**2, -2 * scale * duration, scale),))
         segments.append(Segment(bend, Profile.constant(SPEED, duration), pose))

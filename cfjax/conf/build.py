@@ -13,7 +13,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig, WaypointsConfig
 from cfjax.errors import InputError
 from cfjax.funnel import Objective
-from cfjax.options import Options
+from cfjax.options import Elimination, Options
 from cfjax.problem import (
     Box,
     Disc,
@@ -152,9 +152,12 @@ def problem_of(config: Config) -> Problem:
 
 def options_of(config: Config) -> Options:
     """How to look for a funnel."""
-    plain = [field.name for field in dataclasses.fields(Options) if field.name != "objective"]
-    objective = Objective(config.objective.kind, config.objective.margin)
-    return Options(objective=objective, **{name: getattr(config, name) for name in plain})
+    built = {
+        "objective": Objective(config.objective.kind, config.objective.margin),
+        "polytope": Elimination(**vars(config.polytope)),
+    }
+    plain = [field.name for field in dataclasses.fields(Options) if field.name not in built]
+    return Options(**built, **{name: getattr(config, name) for name in plain})
 
 
 def one_line(error: BaseException) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from omegaconf import MISSING
 
 from cfjax.errors import InputError
-from cfjax.options import Options
+from cfjax.options import Elimination, Options
 from cfjax.problem import (
     Interval,
     KinematicBicycle,
@@ -240,6 +240,18 @@ class ObjectiveConfig:
 
 
 @dataclass
+class PolytopeConfig:
+    """Read only with learner=polytope."""
+
+    margin: float = Elimination.margin  # 1/s
+    climb: bool = Elimination.climb
+    centre: str = Elimination.centre  # mve, analytic or chebyshev
+    batch: int = Elimination.batch
+    demonstrations: str = Elimination.demonstrations  # mpc or revised
+    delta: float = Elimination.delta
+
+
+@dataclass
 class WandbConfig:
     """Read only with logger=wandb."""
 
@@ -266,7 +278,8 @@ class Config:
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # u0 of path following
     template: str = Options.template  # contracting or paper
     certificate: str = Options.certificate  # auto, segment or tube
-    learner: str = Options.learner
+    learner: str = Options.learner  # gradient or polytope
+    polytope: PolytopeConfig = field(default_factory=PolytopeConfig)
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     beta_lower: float = Options.beta_lower
     beta_inner: float | None = Options.beta_inner
