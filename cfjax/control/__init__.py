@@ -2,7 +2,6 @@
 
 from cfjax.control.min_norm import (
     MinNormLaw,
-    feedforward,
     min_norm_input,
     min_norm_law,
     nearest_in_box,
@@ -10,4 +9,4 @@ from cfjax.control.min_norm import (
 )
 
 
-__all__ = ["MinNormLaw", "feedforward", "min_norm_input", "min_norm_law", "nearest_in_box", "path_point"]
+__all__ = ["MinNormLaw", "min_norm_input", "min_norm_law", "nearest_in_box", "path_point"]

@@ -27,12 +27,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.funnel import Funnel, Template
-from cfjax.problem import Interval, Problem, ReferencePoint, Vehicle, deviation_rate
+from cfjax.problem import Interval, Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
 from cfjax.problem.vehicle import Scalar
 
 
 LAW_SHARE = 0.95  # λ'/λ: strictly below 1, for at λ itself the law may jump
-DEPENDENT = 1e-12  # relative: a column with less left of its square, beside those before it, is no input of its own
 
 
 class MinNormLaw(NamedTuple):
@@ -126,46 +125,10 @@ def min_norm_input(
         ends = [reference._replace(turn_rate=kappa * reference.speed) for kappa in law.curvature]
         b[0] = jnp.maximum(*(form_rate(units[0], end) for end in ends)) - drift
     b[0] = b[0] + demand * template.timing(law.rate, q)
-    centre = feedforward(vehicle, reference, law.lower, law.upper)
+    centre = [jnp.clip(value, law.lower[i], law.upper[i]) for i, value in enumerate(feedforward(vehicle, reference))]
     excess = drift + sum(b[i] * centre[i] for i in range(count)) + demand * decrease
     excess = jnp.where(q > level, jnp.inf, excess)
     return nearest_in_box(b, excess, centre, law.lower, law.upper, (1 - hardness) * decrease**2)
-
-
-def feedforward(
-    vehicle: Vehicle, reference: ReferencePoint, lower: Sequence[Scalar] | Array, upper: Sequence[Scalar] | Array
-) -> tuple[Scalar, ...]:
-    """Inputs (1, u_r) that hold the vehicle on the reference, by least squares, clipped into the box (u0 first).
-
-    The same as `Problem.feedforward`, which also says whether they do; here in scalars, for a whole batch of references
-    and without a linear algebra library: normal equations, eliminated as they stand. An input whose column depends on
-    those before it stays at zero.
-    """
-    count = len(vehicle.input_names)
-    origin = (0.0,) * len(vehicle.state_names)
-
-    def rates(*inputs: float) -> tuple[Scalar, ...]:
-        return deviation_rate(vehicle, origin, (1.0, *inputs), reference)
-
-    def dot(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
-        return sum(a * b for a, b in zip(one, other, strict=True))
-
-    rest = rates(*(0.0,) * count)
-    columns = [
-        [moved - still for moved, still in zip(rates(*(float(i == j) for j in range(count))), rest, strict=True)]
-        for i in range(count)
-    ]
-    table = [[*(dot(columns[i], columns[j]) for j in range(count)), -dot(columns[i], rest)] for i in range(count)]
-    for i in range(count):
-        pivot, whole = table[i][i], dot(columns[i], columns[i])
-        own = pivot > DEPENDENT * whole
-        table[i] = [jnp.where(own, entry / jnp.where(own, pivot, 1.0), 0.0) for entry in table[i]]
-        for k in range(count):
-            if k != i:
-                factor = table[k][i]
-                table[k] = [a - factor * b for a, b in zip(table[k], table[i], strict=True)]
-    solution = [jnp.ones_like(rest[0]), *(row[-1] for row in table)]
-    return tuple(jnp.clip(value, lower[i], upper[i]) for i, value in enumerate(solution))
 
 
 def nearest_in_box(

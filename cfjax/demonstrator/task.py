@@ -4,7 +4,6 @@ States z = (x, θ): the deviation and, where the reference depends on it, the pl
 (u0, *vehicle inputs), constant over an interval. Every scalar may be an array with one entry per problem of a batch.
 """
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -13,12 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.demonstrator.box import applied, dot, keep
-from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate
+from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
 from cfjax.problem.course import Pieces, point_at, profiles_of
 from cfjax.problem.vehicle import Scalar
-
-
-DEPENDENT = 1e-12  # relative: a column with less left of its square, beside those before it, is no input of its own
 
 
 class Weights(NamedTuple):
@@ -107,37 +103,6 @@ def point_of(task: Task, theta: Scalar, piece: Scalar) -> ReferencePoint:
 def piece_of(task: Task, z: Float[Array, "z k"]) -> Array | int:
     """Of the path, the piece whose polynomials count over an interval that begins at z."""
     return keep(task.reference.find(z[-1])) if isinstance(task.reference, Pieces) else 0
-
-
-def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ...]:
-    """Inputs (1, u_r) that hold the vehicle on the reference: `Problem.feedforward` in scalars, for a whole batch.
-
-    Normal equations, eliminated as they stand. An input whose column depends on those before it stays at zero.
-    """
-    count = len(vehicle.input_names)
-    origin = (0.0,) * len(vehicle.state_names)
-
-    def rates(*inputs: float) -> tuple[Scalar, ...]:
-        return deviation_rate(vehicle, origin, (1.0, *inputs), reference)
-
-    def inner(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
-        return sum(a * b for a, b in zip(one, other, strict=True))
-
-    rest = rates(*(0.0,) * count)
-    columns = [
-        [moved - still for moved, still in zip(rates(*(float(i == j) for j in range(count))), rest, strict=True)]
-        for i in range(count)
-    ]
-    table = [[*(inner(columns[i], columns[j]) for j in range(count)), -inner(columns[i], rest)] for i in range(count)]
-    for i in range(count):
-        pivot, whole = table[i][i], inner(columns[i], columns[i])
-        own = pivot > DEPENDENT * whole
-        table[i] = [jnp.where(own, entry / jnp.where(own, pivot, 1.0), 0.0) for entry in table[i]]
-        for k in range(count):
-            if k != i:
-                factor = table[k][i]
-                table[k] = [a - factor * b for a, b in zip(table[k], table[i], strict=True)]
-    return (jnp.ones_like(table[0][-1]), *(row[-1] for row in table))
 
 
 def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, "m #k"]:

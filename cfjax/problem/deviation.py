@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 jax.config.update("jax_enable_x64", True)  # the one place: margins are compared to parts in 1e-9
 
+DEPENDENT = 1e-12  # relative: a column with less left of its square, beside those before it, is no input of its own
+
 
 class ReferencePoint(NamedTuple):
     """What the dynamics see of a reference at one θ: nothing of its pose, only its profile."""
@@ -83,3 +85,36 @@ def affine_deviation(
     drift = rate(*(0.0,) * count)
     columns = [rate(*(float(i == j) for j in range(count))) - drift for i in range(count)]
     return drift, jnp.stack(columns, axis=-1)
+
+
+def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ...]:
+    """Inputs (1, u_r) that hold the vehicle on the reference, by least squares: scalars in, scalars out.
+
+    The same as `Problem.feedforward`, which also says whether they do; here for a whole batch of references and without
+    a linear algebra library: normal equations, eliminated as they stand. An input whose column depends on those before
+    it stays at zero.
+    """
+    count = len(vehicle.input_names)
+    origin = (0.0,) * len(vehicle.state_names)
+
+    def rates(*inputs: float) -> tuple[Scalar, ...]:
+        return deviation_rate(vehicle, origin, (1.0, *inputs), reference)
+
+    def dot(one: "Sequence[Scalar]", other: "Sequence[Scalar]") -> Scalar:
+        return sum(a * b for a, b in zip(one, other, strict=True))
+
+    rest = rates(*(0.0,) * count)
+    columns = [
+        [moved - still for moved, still in zip(rates(*(float(i == j) for j in range(count))), rest, strict=True)]
+        for i in range(count)
+    ]
+    table = [[*(dot(columns[i], columns[j]) for j in range(count)), -dot(columns[i], rest)] for i in range(count)]
+    for i in range(count):
+        pivot, whole = table[i][i], dot(columns[i], columns[i])
+        own = pivot > DEPENDENT * whole
+        table[i] = [jnp.where(own, entry / jnp.where(own, pivot, 1.0), 0.0) for entry in table[i]]
+        for k in range(count):
+            if k != i:
+                factor = table[k][i]
+                table[k] = [a - factor * b for a, b in zip(table[k], table[i], strict=True)]
+    return (jnp.ones_like(rest[0]), *(row[-1] for row in table))
