@@ -54,6 +54,7 @@ def main() -> int:
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
     run(chain(1, True), "segment")  # compiles, and loads what is loaded once
+    console = Console(width=100)
     table = Table("segments", "way", "verdict", "margin", "stretches", "learn", "certify", "total", box=None)
     curves: dict[str, list[tuple[int, float]]] = {}
     for count in arguments.segments:
@@ -76,24 +77,34 @@ def main() -> int:
             )
             curves.setdefault(f"{name}: certify", []).append((count, times[1]))
             curves.setdefault(f"{name}: total", []).append((count, total))
-            Console().print(f"{count} {name}: {total:.1f} s")
-    Console().print(table)
+            console.print(f"{count} {name}: {total:.1f} s")
+    console.print(table)
     if arguments.picture:
         draw(curves, arguments.picture)
     return 0
 
 
 def draw(curves: dict[str, list[tuple[int, float]]], picture: Path) -> None:
+    """Total and proof of each way, with a line of slope one beside them."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import ScalarFormatter
 
-    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-    for name, points in curves.items():
-        count, seconds = zip(*points, strict=True)
-        axes.loglog(count, seconds, "o-" if name.endswith("total") else "o--", base=2, label=name)
-    axes.set(xlabel="segments of 2 m", ylabel="wall time, s", title="Learning and proving a chain")
+    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+    for index, way in enumerate(dict.fromkeys(name.split(":")[0] for name in curves)):
+        for stage, line in (("total", "o-"), ("certify", "o--")):
+            count, seconds = zip(*curves[f"{way}: {stage}"], strict=True)
+            if max(seconds) > 0.5:
+                axes.loglog(count, seconds, line, color=f"C{index}", label=f"{way}: {stage}")
+    (first, seconds), *_, (last, _) = next(iter(curves.values()))
+    axes.loglog([first, last], [seconds, seconds * last / first], ":", color="0.5", label="linear")
+    axes.set(xlabel="segments of 2 m", ylabel="wall time, s", title="Learning and proving a chain of segments")
+    for axis, ticks in ((axes.xaxis, [1, 2, 4, 8, 16]), (axes.yaxis, [1, 10, 100, 1000])):
+        axis.set_major_formatter(ScalarFormatter())
+        axis.set_ticks(ticks)
+        axis.set_minor_locator(plt.NullLocator())
     axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(picture, dpi=150)
+    figure.legend(loc="outside right upper", frameon=False)
+    figure.savefig(picture, dpi=130)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,32 @@
 """From a funnel to inputs: the laws that a car runs."""
 
-from cfjax.control.min_norm import (
-    MinNormLaw,
-    min_norm_input,
-    min_norm_law,
-    nearest_in_box,
-    path_point,
-)
+from cfjax.control.law import Descent, Law, LawNumbers, descent_at, law_numbers, path_point
+from cfjax.control.min_norm import MinNorm, nearest_in_box
+from cfjax.control.sontag import LinSontag, Sontag
+from cfjax.errors import InputError
 
 
-__all__ = ["MinNormLaw", "min_norm_input", "min_norm_law", "nearest_in_box", "path_point"]
+LAWS: dict[str, Law] = {law.name: law for law in (MinNorm(), Sontag(), LinSontag())}
+
+
+def law_named(name: str) -> Law:
+    """The law of that name; raises InputError with the list of names."""
+    if name not in LAWS:
+        raise InputError(f"law: expected one of {', '.join(LAWS)}, got {name}")
+    return LAWS[name]
+
+
+__all__ = [
+    "LAWS",
+    "Descent",
+    "Law",
+    "LawNumbers",
+    "LinSontag",
+    "MinNorm",
+    "Sontag",
+    "descent_at",
+    "law_named",
+    "law_numbers",
+    "nearest_in_box",
+    "path_point",
+]

@@ -1,4 +1,4 @@
-"""The closed loop of many cars at once: deviations under the min-norm law, one step of fixed-step RK4 at a time.
+"""The closed loop of many cars at once: deviations under a law, one step of fixed-step RK4 at a time.
 
 What a step does not know is where the reference comes from: along a path it is read at the car's θ
 (`cfjax.problem.course`), in a tube it is made while the cars drive (`cfjax.simulation.tube`).
@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cfjax.control import MinNormLaw, min_norm_input
+from cfjax.control import Law, LawNumbers
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Ellipsoid, Problem, ReferencePoint, Vehicle, affine_deviation, deviation_rate
 
@@ -41,10 +41,10 @@ class Cars(NamedTuple):
 class Loop(NamedTuple):
     """What a closed loop needs beside vehicle and template, as a pytree.
 
-    Any number in it may be an array of k instead, one per car; then the law's C has shape (n, n, k).
+    Any number in it may be an array of k instead, one per car; then the numbers' C has shape (n, n, k).
     """
 
-    law: MinNormLaw
+    numbers: LawNumbers  # of the law, which is given beside it
     begin: Array  # θ from which the funnel counts its own, s
     end: Array  # θ up to which the loop is driven, s; inf where there is no end
     safe: Array  # half-widths of S, inf where there is none
@@ -66,10 +66,10 @@ def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "cou
     return direction * radius * axes[None, :]
 
 
-def loop_of(problem: Problem, law: MinNormLaw, step: float, begin: float = 0.0, end: float = np.inf) -> Loop:
+def loop_of(problem: Problem, numbers: LawNumbers, step: float, begin: float = 0.0, end: float = np.inf) -> Loop:
     """The loop of one law from θ = begin to end (s), in steps of `step` (s, unless the caller scales them)."""
     safe = problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension
-    return Loop(law, jnp.asarray(begin, float), jnp.asarray(end, float), jnp.array(safe), jnp.asarray(step, float))
+    return Loop(numbers, jnp.asarray(begin, float), jnp.asarray(end, float), jnp.array(safe), jnp.asarray(step, float))
 
 
 def fastest(problem: Problem, funnel: Funnel, point: ReferencePoint) -> float:
@@ -86,8 +86,8 @@ def fastest(problem: Problem, funnel: Funnel, point: ReferencePoint) -> float:
 def value(template: Template, loop: Loop, theta: Array, x: tuple[Array, ...]) -> Array:
     """V of the loop's funnel at θ (s) and the deviations x."""
     each = range(len(x))
-    form = sum((loop.law.shape[i, j] * x[i] * x[j] for i in each for j in each), jnp.zeros_like(theta))
-    return jnp.asarray(template.value(loop.law.rate, theta - loop.begin, form))
+    form = sum((loop.numbers.shape[i, j] * x[i] * x[j] for i in each for j in each), jnp.zeros_like(theta))
+    return jnp.asarray(template.value(loop.numbers.rate, theta - loop.begin, form))
 
 
 def _safe_share(loop: Loop, x: tuple[Array, ...]) -> Array:
@@ -107,7 +107,7 @@ def enter(template: Template, loop: Loop, cars: Cars) -> Cars:
     return cars._replace(value=now, largest_value=jnp.maximum(cars.largest_value, now))
 
 
-def advance(vehicle: Vehicle, template: Template, loop: Loop, reference: Reference, cars: Cars) -> Cars:
+def advance(vehicle: Vehicle, template: Template, law: Law, loop: Loop, reference: Reference, cars: Cars) -> Cars:
     """One RK4 step; a car that passes the end is put where it crossed, one that is there stays.
 
     Where it crossed is known to third order in the step (dense output), so that ends on the way cost no accuracy.
@@ -116,7 +116,7 @@ def advance(vehicle: Vehicle, template: Template, loop: Loop, reference: Referen
     def rate(z: tuple[Array, ...]) -> tuple[Array, ...]:
         theta, *x = z
         actual, seen = reference(theta)
-        inputs = min_norm_input(vehicle, template, loop.law, seen, theta - loop.begin, x)
+        inputs = law(vehicle, template, loop.numbers, seen, theta - loop.begin, x)
         return inputs[0], *deviation_rate(vehicle, x, inputs, actual)
 
     def stage(k: tuple[Array, ...], node: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:

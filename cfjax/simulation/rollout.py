@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cfjax.control import min_norm_law
+from cfjax.control import Law, MinNorm, law_numbers
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Problem, ReferencePoint, Vehicle
@@ -55,7 +55,7 @@ class Leg(NamedTuple):
     end: float  # θ, s
     funnel: Funnel  # of the leg's duration; or of a tube: infinite, rate 0, V = xᵀCx
     margin: float  # λ, 1/s
-    margin_per_metre: float = 0.0  # μ, 1/m of the reference's way; see `cfjax.control.min_norm_law`
+    margin_per_metre: float = 0.0  # μ, 1/m of the reference's way; see `cfjax.control.law_numbers`
 
 
 class Legs(NamedTuple):
@@ -89,10 +89,11 @@ class Record(NamedTuple):
     value: Array
 
 
-@partial(jax.jit, static_argnames=("vehicle", "template", "limit", "every", "stride"))
+@partial(jax.jit, static_argnames=("vehicle", "template", "law", "limit", "every", "stride"))
 def drive(
     vehicle: Vehicle,
     template: Template,
+    law: Law,
     legs: Legs,
     profiles: Pieces,
     obstacles: tuple[Pieces, Surroundings] | None,
@@ -143,7 +144,7 @@ def drive(
             point = point_at(profiles, jnp.clip(profiles.find(theta), own.first, own.last), theta)
             return point, point
 
-        cars = advance(vehicle, template, own.loop, reference, driven.cars)
+        cars = advance(vehicle, template, law, own.loop, reference, driven.cars)
         return count + 1, Driven(cars, driven.leg, jnp.minimum(driven.clearance, apart(cars))), own, history
 
     none = jnp.zeros(starts.shape[0], int)
@@ -210,14 +211,14 @@ def _legs(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
     pieces, jumps = np.asarray(profiles.begin), _jumps(profiles)
     loops, firsts, lasts = [], [], []
     for leg, begin, end in zip(legs, ends[:-1], ends[1:], strict=True):
-        law = min_norm_law(problem, leg.funnel, leg.margin, leg.margin_per_metre)
+        numbers = law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre)
         cuts = [begin, *jumps[(jumps > begin + margin) & (jumps < end - margin)], end]
         for since, until in itertools.pairwise(cuts):
             first = int(np.searchsorted(pieces, since + margin, side="right")) - 1
             last = int(np.searchsorted(pieces, until - margin, side="left")) - 1
             theta = np.array([since, *pieces[first + 1 : last + 1], until])
             step = min(ends[-1] / STEPS, _step(problem, leg.funnel, profiles, np.arange(first, last + 1), theta))
-            loops.append(loop_of(problem, law, step, float(begin), float(until)))  # V counts from the leg's begin
+            loops.append(loop_of(problem, numbers, step, float(begin), float(until)))  # V counts from the leg's begin
             firsts.append(first)
             lasts.append(last)
     return Legs(jax.tree.map(lambda *leaves: jnp.stack(leaves), *loops), jnp.array(firsts), jnp.array(lasts))
@@ -241,7 +242,9 @@ def _step(
     return STEP_SHARE / (heading * max(fastest(problem, funnel, point) for point in points))
 
 
-def drive_cars(problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0) -> tuple[ClosedLoop, Rollouts]:
+def drive_cars(
+    problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0, law: Law = MinNorm()
+) -> tuple[ClosedLoop, Rollouts]:
     """Drive `cars` cars from random deviations of I at θ = 0 to the path's end, each leg under the law of its margins.
 
     The cars know where they are on the path: the law reads the reference at their θ. What is counted is looked at after
@@ -266,7 +269,7 @@ def drive_cars(problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 
     every = math.ceil(limit / MOST_ROWS)
     starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
     stride = max(1, cars // RECORDED)
-    driven = drive(problem.vehicle, template, table, profiles, around, starts, limit, every, stride)
+    driven = drive(problem.vehicle, template, law, table, profiles, around, starts, limit, every, stride)
     (last, _, clear), history = jax.block_until_ready(driven)
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal.half_axes)
     arrived = np.asarray(last.theta) >= end[-1]

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from cfjax.control import min_norm_law, path_point
+from cfjax.control import MinNorm, law_numbers, path_point
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import (
@@ -155,7 +155,7 @@ def _worst_ends(
 ) -> tuple[Array, Array]:
     """The ends of curvature and acceleration at which V̇ is larger; both act through u0 > 0 alone."""
     each = range(len(x))
-    gradient = [sum(loop.law.shape[i, j] * x[j] for j in each) for i in each]
+    gradient = [sum(loop.numbers.shape[i, j] * x[j] for j in each) for i in each]
     inputs = (1.0, *(0.0,) * len(vehicle.input_names))
 
     def growth(curvature: Array, acceleration: Array) -> Array:
@@ -213,14 +213,14 @@ def drive_tube(
         a = _wander(key_acceleration, crew.acceleration, bounds.acceleration, paths.acceleration, worst_acceleration)
         lower, upper = bounds.speed
         clock = loop.step / paths.speed
-        reach = clock * loop.law.upper[0]  # θ may advance by this much in the step, at a speed in its interval
+        reach = clock * loop.numbers.upper[0]  # θ may advance by this much in the step, at a speed in its interval
         held = jnp.clip(a.value, (lower - paths.speed) / reach, (upper - paths.speed) / reach)
         actual = path_point(kappa.value, paths.speed, held)
         middle = 0.5 * (bounds.curvature[0] + bounds.curvature[1])
         seen = path_point(jnp.where(crew.blind, middle, kappa.value), paths.speed, held)
         imposed = tuple(jnp.where(crew.robust, end, kappa.value) for end in bounds.curvature)
-        moving = loop._replace(law=loop.law._replace(curvature=imposed), step=clock)
-        after = advance(vehicle, template, moving, going_on(actual, seen, cars.theta), cars)
+        moving = loop._replace(numbers=loop.numbers._replace(curvature=imposed), step=clock)
+        after = advance(vehicle, template, MinNorm(), moving, going_on(actual, seen, cars.theta), cars)
         speed = jnp.clip(paths.speed + held * (after.theta - cars.theta), lower, upper)
         record = Record(cars.clock, cars.theta, cars.x, actual)
         carry = after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))
@@ -304,7 +304,7 @@ def drive_tube_cars(
         way = max(CONTRACTIONS * contraction, LEAST_TIME * tube.speed.lower)
     steps = min(math.ceil(way / length), MOST_STEPS)
     key_starts, key_drive = jax.random.split(jax.random.key(seed))
-    law = min_norm_law(problem, funnel, margin, margin_per_metre, tube.curvature)
+    numbers = law_numbers(problem, funnel, margin, margin_per_metre, tube.curvature)
 
     def as_pair(interval: Interval) -> tuple[Array, Array]:
         return jnp.asarray(interval.lower, float), jnp.asarray(interval.upper, float)
@@ -313,7 +313,7 @@ def drive_tube_cars(
     driven = drive_tube(
         problem.vehicle,
         funnel.template,
-        loop_of(problem, law, length),
+        loop_of(problem, numbers, length),
         Bounds(as_pair(tube.curvature), as_pair(tube.speed), as_pair(tube.acceleration)),
         jnp.array(problem.goal.half_axes),
         _starts(key_starts, problem, funnel, cars),

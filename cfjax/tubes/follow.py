@@ -67,7 +67,7 @@ class Link(NamedTuple):
 class Following:
     """A proof that a car which starts inside the first tube stays inside the chain and arrives.
 
-    It speaks of laws that enforce 0.95 of the certified decrease or more, as `cfjax.control.min_norm_law` does.
+    It speaks of laws that enforce 0.95 of the certified decrease or more, as `cfjax.control.law_numbers` does.
 
     `path` is the path that is certified, as floating-point numbers: start poses by integration, speeds continuous. The
     proof speaks of `reference`, the same in exact numbers. `arrival` are the proven earliest and latest time (s, by the

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cfjax.control import min_norm_input, min_norm_law, nearest_in_box
+from cfjax.control import MinNorm, law_numbers, nearest_in_box
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Box, Method, Problem, affine_deviation, circle
 
@@ -59,10 +59,10 @@ def test_law_decreases_wherever_some_input_does(template, method: Method) -> Non
     root = np.random.default_rng(3).normal(size=(4, 4)) * 0.3 + 1.8 * np.eye(4)
     funnel = Funnel(template, root @ root.T, 0.05, segment.duration)
     margin = 0.4  # of no proof: the law has to reach it wherever the box can
-    law = min_norm_law(problem, funnel, margin)
+    law = law_numbers(problem, funnel, margin)
     point = segment.point(0.0)
     rng = np.random.default_rng(4)
-    act = jax.jit(lambda theta, x: jnp.stack(min_norm_input(problem.vehicle, template, law, point, theta, tuple(x))))
+    act = jax.jit(lambda theta, x: jnp.stack(MinNorm()(problem.vehicle, template, law, point, theta, tuple(x))))
     dynamics = jax.jit(lambda x: affine_deviation(problem.vehicle, x, point))
     reached = 0
     for _ in range(300):
@@ -91,6 +91,6 @@ def test_law_holds_the_reference() -> None:
     segment = problem.path.segments[0]
     for template in TEMPLATES.values():
         funnel = Funnel(template, 3 * np.eye(4), 0.02, segment.duration)
-        law = min_norm_law(problem, funnel, 0.5)
-        v = min_norm_input(problem.vehicle, template, law, segment.point(0.0), 1.0, (0.0,) * 4)
+        law = law_numbers(problem, funnel, 0.5)
+        v = MinNorm()(problem.vehicle, template, law, segment.point(0.0), 1.0, (0.0,) * 4)
         np.testing.assert_allclose(v, problem.feedforward(segment.point(0.0)), atol=1e-12)

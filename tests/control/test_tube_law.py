@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cfjax.control import min_norm_input, min_norm_law, path_point
+from cfjax.control import MinNorm, law_numbers, path_point
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import (
     Interval,
@@ -48,9 +48,9 @@ def samples(count: int, lowest: float, highest: float, seed: int = 0) -> tuple[n
 
 @partial(jax.jit, static_argnames=("any_curvature", "margin", "per_metre"))
 def act(x, kappa, v, a, any_curvature: bool, margin: float = MARGIN, per_metre: float = PER_METRE):
-    law = min_norm_law(PROBLEM, FUNNEL, margin, per_metre, TUBE.curvature if any_curvature else None)
+    law = law_numbers(PROBLEM, FUNNEL, margin, per_metre, TUBE.curvature if any_curvature else None)
     point = path_point(kappa, v, a)
-    return jnp.stack(min_norm_input(PROBLEM.vehicle, FUNNEL.template, law, point, 0.0, tuple(x.T)))
+    return jnp.stack(MinNorm()(PROBLEM.vehicle, FUNNEL.template, law, point, 0.0, tuple(x.T)))
 
 
 @jax.jit
@@ -110,12 +110,12 @@ def test_law_is_feedforward_without_deviation(any_curvature: bool) -> None:
 
 def test_law_maps_over_single_samples() -> None:
     """Scalars, batches and vmap agree: θ and the reference are ordinary arguments."""
-    law = min_norm_law(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
+    law = law_numbers(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
     x, *point = samples(16, 0.1, 1.0)
 
     def one(row, kappa, v, a):
         reference = path_point(kappa, v, a)
-        return jnp.stack(min_norm_input(PROBLEM.vehicle, FUNNEL.template, law, reference, 0.0, tuple(row)))
+        return jnp.stack(MinNorm()(PROBLEM.vehicle, FUNNEL.template, law, reference, 0.0, tuple(row)))
 
     batch = np.asarray(act(x, *point, True)).T
     np.testing.assert_allclose(jax.jit(jax.vmap(one))(x, *point), batch, atol=1e-12)

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import cfjax.simulation.rollout as rollout
-from cfjax.control import min_norm_input, min_norm_law
+from cfjax.control import MinNorm, law_numbers
 from cfjax.errors import InputError
 from cfjax.funnel import Contracting, Funnel, Paper
 from cfjax.problem import (
@@ -77,7 +77,7 @@ def ways(problem: Problem, legs: list[Leg], starts: np.ndarray, finer: int = 1):
     table = rollout._legs(problem, legs, profiles)
     table = table._replace(loop=table.loop._replace(step=table.loop.step / finer))
     template = legs[0].funnel.template
-    return drive(problem.vehicle, template, table, profiles, None, jnp.asarray(starts), 100_000, 100, 1)
+    return drive(problem.vehicle, template, MinNorm(), table, profiles, None, jnp.asarray(starts), 100_000, 100, 1)
 
 
 def started_at(monkeypatch: pytest.MonkeyPatch, *starts: tuple[float, ...]) -> None:
@@ -103,14 +103,14 @@ def test_starts_fill_the_inlet() -> None:
 def smooth_loop(end: float, step: float):
     """Nothing is asked for: no kinks in the law. One step, and where a car starts."""
     nothing = jnp.asarray(-1e6)
-    law = min_norm_law(PROBLEM, FUNNEL, 0.5)._replace(decrease=nothing, decrease_per_metre=nothing)
+    law = law_numbers(PROBLEM, FUNNEL, 0.5)._replace(decrease=nothing, decrease_per_metre=nothing)
     loop = loop_of(PROBLEM, law, step, 0.0, end)
 
     def reference(theta: jax.Array) -> tuple[ReferencePoint, ReferencePoint]:
         """A speed that changes, so that the reference moves the deviation too."""
         return (ReferencePoint(1 + theta, 1.5 + theta**2, jnp.ones_like(theta), 2 * theta),) * 2
 
-    step_once = jax.jit(partial(advance, PROBLEM.vehicle, FUNNEL.template, reference=reference))
+    step_once = jax.jit(partial(advance, PROBLEM.vehicle, FUNNEL.template, MinNorm(), reference=reference))
     return loop, step_once, start(FUNNEL.template, loop, jnp.array([[0.2, 0.3, -0.2, 0.4]]))
 
 
@@ -175,8 +175,8 @@ def test_a_car_in_the_plane_takes_the_same_way(path: Path, monkeypatch: pytest.M
 
     @partial(jax.jit, static_argnums=0)
     def law(leg: int, point: ReferencePoint, theta: float, x: tuple) -> tuple:
-        own = min_norm_law(problem, legs[leg].funnel, legs[leg].margin)
-        return min_norm_input(problem.vehicle, legs[leg].funnel.template, own, point, theta, x)
+        own = law_numbers(problem, legs[leg].funnel, legs[leg].margin)
+        return MinNorm()(problem.vehicle, legs[leg].funnel.template, own, point, theta, x)
 
     def deviation(leg: int, state: np.ndarray) -> tuple[tuple[float, ...], ReferencePoint, float]:
         alpha, x, y, v, theta = state

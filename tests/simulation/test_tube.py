@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cfjax.control import min_norm_law, path_point
+from cfjax.control import MinNorm, law_numbers, path_point
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Box, Interval, Problem, ball, circle, tube
@@ -87,7 +87,7 @@ def test_steps_are_fine_enough() -> None:
     rng = np.random.default_rng(0)
     kappas = rng.choice([TUBE.curvature.lower, TUBE.curvature.upper], size=(steps, count))
     speed = rng.choice([TUBE.speed.lower, TUBE.speed.upper], size=count)
-    law = min_norm_law(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
+    law = law_numbers(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
     starts = _starts(jax.random.key(1), PROBLEM, FUNNEL, count)
     first = start(FUNNEL.template, loop_of(PROBLEM, law, 0.0), starts)
 
@@ -100,7 +100,7 @@ def test_steps_are_fine_enough() -> None:
 
             def forward(_, now):
                 reference = going_on(point, point, now.theta)
-                return advance(PROBLEM.vehicle, FUNNEL.template, loop, reference, now)
+                return advance(PROBLEM.vehicle, FUNNEL.template, MinNorm(), loop, reference, now)
 
             cars = jax.lax.fori_loop(0, pieces, forward, cars)
             return cars, jnp.stack(cars.x, axis=-1)
@@ -114,7 +114,7 @@ def test_steps_are_fine_enough() -> None:
 
 def test_sharper_turns_than_the_tube_allows_throw_cars_out() -> None:
     wild = dataclasses.replace(TUBE, curvature=Interval(-3.6, 3.6))  # the car's own is 1/0.34 m = 2.94 1/m
-    law = min_norm_law(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
+    law = law_numbers(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
     intervals = wild.curvature, wild.speed, wild.acceleration
     bounds = Bounds(*((jnp.asarray(interval.lower), jnp.asarray(interval.upper)) for interval in intervals))
     starts = _starts(jax.random.key(1), PROBLEM, FUNNEL, 300)
