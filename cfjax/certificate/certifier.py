@@ -30,7 +30,7 @@ from cfjax.certificate.writing import dump, seal, write_clearance, write_decreas
 from cfjax.check import Outcome, check_document
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.containment import broken_containments
-from cfjax.check.document import Course, FunnelClaim, ProblemClaim, read_problem
+from cfjax.check.document import MOST_GRAM_ENTRIES, Course, FunnelClaim, ProblemClaim, read_problem
 from cfjax.check.proof import broken_link, links
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken
@@ -95,10 +95,12 @@ def certify(
         claim = read_problem(question)
         clearance = _prove_sets(problem, claim, rounded)
         clock["exact"] += time.perf_counter() - started
+        room = MOST_GRAM_ENTRIES
         with ThreadPoolExecutor(max(1, workers)) as pool:
             for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
-                prover = Prover(problem, funnel, graph, kind, pool, clock, progress)
+                prover = Prover(problem, funnel, graph, kind, room, pool, clock, progress)
                 found.append(prover.along(segment if isinstance(segment, TubeClaim) else segment.pieces, target))
+                room -= prover.entries * len(found[-1])
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
         raise InputError(str(error)) from None
     except NotProven as failure:

@@ -1,7 +1,7 @@
 """Where a segment is cut into stretches: chosen by the falsifier, so that each of them is proven but once.
 
 A longer stretch is a larger set of references at more of the funnel's levels, so the margin along it is smaller: for a
-target there is a longest stretch from every θ, and going on from its end gives the fewest. What particles find on a
+target there is a longest stretch from every θ, and going on from its end there are few. What particles find on a
 stretch costs a hundredth of its proof and is nearly what the proof shows; where they are too hopeful the proof, which
 alone decides, falls short, and the stretch is cut again (`cfjax.certificate.stretches`).
 """
@@ -21,7 +21,8 @@ from cfjax.problem import Interval, Problem, Segment, Tube
 CELLS = 1024  # of a segment: stretches begin and end between them
 BATCH = 16  # ends that are tried at once, all in one program
 NEAR_ENOUGH = 1 / 16  # of a stretch's length, by which it may be shorter than the longest
-LOWER = 0.97  # of the target, where too many stretches would be needed, or one cell does not reach it
+LOWER = 0.97  # of the target, where too many stretches would be needed
+ALMOST = 0.995  # of the margin of a cell that falls short of the target
 LEAST_SHARE = 0.3  # of the target asked: below, shorter stretches are not what is missing
 
 
@@ -29,11 +30,11 @@ class Plan(NamedTuple):
     """Ends of the stretches, in cells; the first one begins at 0."""
 
     ends: tuple[int, ...]
-    target: float  # 1/s, of each of them
+    target: float  # 1/s, that each of them is to prove
 
 
-def plan(problem: Problem, segment: Segment, funnel: Funnel, target: float, most: int) -> Plan:
-    """The fewest stretches with which the falsifier finds no margin below the target (1/s).
+def plan(problem: Problem, segment: Segment, funnel: Funnel, target: float, spare: float, most: int) -> Plan:
+    """Few stretches, none of which has a margin below `spare` (≥ 1) times the target (1/s) as far as particles find.
 
     The target is lowered where they would be more than `most`, or where a place alone does not reach it; what is then
     left to try is the whole segment in `most` equal parts.
@@ -41,10 +42,13 @@ def plan(problem: Problem, segment: Segment, funnel: Funnel, target: float, most
     planner = _Planner(problem, segment, funnel)
     wanted = target
     while wanted >= LEAST_SHARE * target:
-        ends, shortest = planner.ends(wanted, most)
-        if ends:
+        ends, shortest = planner.ends(spare * wanted, most)
+        if not ends and shortest < spare * wanted:  # a cell alone: what it has is the most that can be had
+            wanted = shortest / spare * ALMOST
+        elif not ends:
+            wanted *= LOWER
+        else:
             return Plan(ends, wanted)
-        wanted = LOWER * min(wanted, shortest)
     return Plan(tuple(CELLS * (k + 1) // most for k in range(most)), 0.0)
 
 
@@ -64,7 +68,7 @@ class _Planner:
     def ends(self, target: float, most: int) -> tuple[tuple[int, ...], float]:
         """Of the longest stretches that reach the target, one after another, and the target.
 
-        None where more than `most` are needed, or where a cell alone falls short: then with that cell's margin.
+        Nothing where more than `most` are needed, or where a cell alone falls short: then with that cell's margin.
         """
         ends: list[int] = []
         begin = 0

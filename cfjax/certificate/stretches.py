@@ -5,11 +5,11 @@ has there. The longer it is, the more is asked, and the fewer programs there are
 planned (`cfjax.certificate.plan`), and one that falls short of it is halved.
 """
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_sha
 from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.writing import Gram, write_funnel, write_stretch
 from cfjax.check.decrease import Cell, CellProof, Exponents, Matrix, SteadyDecrease, level_pieces
-from cfjax.check.document import MOST_GRAM_ENTRIES, CellKey, unpack_triangle
+from cfjax.check.document import CellKey, unpack_triangle
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.piece import Piece, between
@@ -253,6 +253,7 @@ class Prover:
         rounded: RoundedFunnel,
         graph: Graph,
         kind: int,
+        room: int,
         pool: ThreadPoolExecutor,
         clock: dict[str, float],
         progress: Progress | None,
@@ -260,8 +261,8 @@ class Prover:
         self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
         self.pool, self.clock, self.progress = pool, clock, progress
         self.degrees: tuple[int, ...] = ()
-        self.most_entries = MOST_GRAM_ENTRIES // len(problem.path.distinct)
-        self.entries = 0  # of the Gram matrices of one stretch
+        self.room = room  # entries of Gram matrices that the file can still hold
+        self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0
 
     def along(self, segment: Sequence[Piece] | TubeClaim, target: float) -> list[StretchProof]:
@@ -275,7 +276,7 @@ class Prover:
         if isinstance(segment, TubeClaim):
             return [self.prove(Stretch(fmpq(0), fmpq(0), segment), 0.0)]
         duration = sum((piece.duration for piece in segment), fmpq(0))
-        ends, target = self._planned(target)
+        ends, target = self._planned(segment, duration, target)
         begins = (0, *ends[:-1])
         parts = [(fmpq(begin, CELLS), fmpq(end, CELLS), 0) for begin, end in zip(begins, ends, strict=True)]
         found: list[StretchProof] = []
@@ -293,17 +294,25 @@ class Prover:
                     open_ += [(middle, last, halvings + 1), (first, middle, halvings + 1)]
         return found
 
-    def _planned(self, target: float) -> tuple[tuple[int, ...], float]:
+    def _planned(self, pieces: Sequence[Piece], duration: fmpq, target: float) -> tuple[tuple[int, ...], float]:
         """Ends of stretches, in cells, and the margin (1/s) with which each is content."""
         segment = self.problem.path.distinct[self.kind]
         if not target or isinstance(segment, Tube) or segment.is_steady:
             return (CELLS,), target
         started = time.perf_counter()
-        planned = plan(self.problem, segment, self.rounded.funnel, SPARE * target, self._most_stretches())
+        with contextlib.suppress(ValueError):  # the whole segment may be too much to ask about; its size is known then
+            whole = bounded(pieces, fmpq(0), duration)
+            self._count(decreases_on(self.problem, self.rounded, self.graph, whole))
+        planned = plan(self.problem, segment, self.rounded.funnel, target, SPARE, self._most_stretches())
         self.clock["plan"] += time.perf_counter() - started
-        return planned.ends, min(target, planned.target / SPARE)
+        return planned.ends, planned.target
 
-    @contextmanager
+    def _count(self, questions: Sequence[SteadyDecrease]) -> None:
+        """How much of the file a stretch takes."""
+        cells = sum(1 for question in questions for _ in question.cells())
+        self.entries = max(self.entries, cells * sum(len(z) * (len(z) + 1) // 2 for z in questions[0].bases))
+
+    @contextlib.contextmanager
     def _at(self, begin: fmpq, end: fmpq) -> Iterator[None]:
         """What ends a certification in here says where: on the first of the path's segments that are equal to this."""
         try:
@@ -314,9 +323,10 @@ class Prover:
             raise
 
     def _most_stretches(self) -> int:
-        """As many as are worth it, and no more than a file may hold beside the proofs of the other segments."""
-        own = self.most_entries // self.entries if self.entries else MOST_STRETCHES
-        return min(MOST_STRETCHES, own)
+        """As many as are worth it, and no more than the file can hold beside one for each segment to come."""
+        later = len(self.problem.path.distinct) - 1 - self.kind
+        own = self.room // self.entries - later if self.entries else MOST_STRETCHES
+        return max(1, min(MOST_STRETCHES, own))
 
     def _can_gain(self, stretch: Stretch) -> bool:
         """Whether shorter stretches could prove more: not where nothing changes along it."""
@@ -336,7 +346,7 @@ class Prover:
         places = [(index, cell) for index, question in enumerate(questions) for cell in question.cells()]
         programs = self._exactly(lambda: [_program(questions[index], cell) for index, cell in places], stretch.name)
         self.cells_begun += len(places)
-        self.entries = max(self.entries, len(places) * sum(len(z) * (len(z) + 1) // 2 for z in questions[0].bases))
+        self._count(questions)
 
         written, margins, per_metre, solved = [], [], [], []
         jobs = [self.pool.submit(solve, *program) for program in programs]

@@ -90,10 +90,13 @@ def hunt(
     particles = spawn(rng, shape, ridge_coordinates(vehicle, chain), stations)
     scale = margin_scale(vehicle, template, chain, factor, change, particles)
     found: Outcome = duel(vehicle, template, chain, schedule, scale, factor, change, particles)
-    # a particle that met NaN says nothing; a candidate of which none says anything has no margin at all
-    lost = np.isnan(found.margins)
-    silent = np.where(lost.all(axis=(1, 2), keepdims=True), -np.inf, np.inf)
-    return Hunt(found.particles, np.where(lost, silent, found.margins))
+    return Hunt(found.particles, _without_nan(found.margins))
+
+
+def _without_nan(margins: Float[np.ndarray, "r f k"]) -> Float[np.ndarray, "r f k"]:
+    """A particle that met NaN says nothing; a candidate of which none says anything has no margin at all."""
+    lost = np.isnan(margins)
+    return np.where(lost, np.where(lost.all(axis=(1, 2), keepdims=True), -np.inf, np.inf), margins)
 
 
 def falsify(
@@ -170,10 +173,9 @@ def stretch_margins(
     )
     scale = margin_scale(problem.vehicle, funnel.template, chain, factor, change, particles)
     found = duel(problem.vehicle, funnel.template, chain, SEARCH, scale, factor, change, particles)
-    margins = np.where(np.isnan(found.margins), np.inf, found.margins)[0, 0]
-    least = np.full(len(stretches), np.inf)
-    np.minimum.at(least, found.particles.station[0, 0], margins)
-    return least
+    of_stretch = found.particles.station[0, 0][None] == np.arange(len(stretches))[:, None]
+    margins = [_without_nan(found.margins[:, :, own]).min() for own in of_stretch]
+    return np.array(margins)
 
 
 def _nearest(

@@ -1,12 +1,17 @@
 """Stretches are chosen by the falsifier: as few as a target needs, none of them below it."""
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
+from cfjax.certificate.stretches import Prover, StretchProof, round_funnel
+from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.writing import write_problem
+from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
 from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Stretch
@@ -102,7 +107,7 @@ def test_as_few_stretches_as_the_target_needs(bend: tuple[Problem, Segment, Funn
     counts = []
     for share in (0.95, 0.85, 0.5):
         target = share * MARGIN
-        ends, reached = plan(problem, segment, funnel, target, 20)
+        ends, reached = plan(problem, segment, funnel, target, 1.0, 20)
         assert reached == target and ends[-1] == CELLS and list(ends) == sorted(set(ends))
         at = np.array([0, *ends]) / CELLS * DURATION
         assert margins(problem, segment, funnel, list(itertools.pairwise(at)), seed=1).min() >= 0.998 * target
@@ -114,11 +119,13 @@ def test_as_few_stretches_as_the_target_needs(bend: tuple[Problem, Segment, Funn
 
 def test_a_target_out_of_reach_is_lowered(bend: tuple[Problem, Segment, Funnel]) -> None:
     problem, segment, funnel = bend
-    few = plan(problem, segment, funnel, 0.95 * MARGIN, 4)
+    few = plan(problem, segment, funnel, 0.95 * MARGIN, 1.0, 4)
     assert len(few.ends) <= 4 and 0.5 * MARGIN < few.target < 0.95 * MARGIN
-    high = plan(problem, segment, funnel, 1.1 * MARGIN, 20)
-    assert 0.9 * MARGIN < high.target < MARGIN
-    assert plan(problem, segment, funnel, 10 * MARGIN, 4) == Plan((CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0)
+    high = plan(problem, segment, funnel, 1.1 * MARGIN, 1.01, 20)
+    assert 0.95 * MARGIN < high.target < MARGIN
+    assert plan(problem, segment, funnel, 10 * MARGIN, 1.0, 4) == Plan(
+        (CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0
+    )
 
 
 def test_a_margin_is_looked_for_once(bend: tuple[Problem, Segment, Funnel], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,3 +140,30 @@ def test_a_margin_is_looked_for_once(bend: tuple[Problem, Segment, Funnel], monk
     assert planner.ends(0.8 * MARGIN, 20) == first and first[0]
     with pytest.raises(AssertionError, match="asked twice"):
         replace(planner).ends(0.8 * MARGIN, 20)
+
+
+def test_no_more_stretches_are_planned_than_the_file_can_hold(
+    bend: tuple[Problem, Segment, Funnel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Curvature, speed and acceleration that vary: 8 extreme references, 128 cells a stretch, room for 9 of them."""
+    problem, segment, funnel = bend
+    varying = Segment(segment.turn_rate, Profile((0.0, DURATION), ((1.0, 0.1, 0.05),)), segment.start)
+    problem = replace(problem, path=Path("varying", (varying,)))
+    asked: list[int] = []
+
+    def planned(*given: object) -> Plan:
+        asked.append(int(given[-1]))  # type: ignore[call-overload]
+        return Plan((CELLS,), 0.0)
+
+    def never(*_: object) -> StretchProof:
+        raise AssertionError("asked too much")
+
+    monkeypatch.setattr("cfjax.certificate.stretches.plan", planned)
+    monkeypatch.setattr(Prover, "prove", never)
+    rounded, graph = round_funnel(funnel, varying), trace_deviation(problem.vehicle)
+    (claim,) = read_problem(write_problem(problem, graph)).distinct
+    with ThreadPoolExecutor(1) as pool:
+        prover = Prover(problem, rounded, graph, 0, MOST_GRAM_ENTRIES, pool, {"plan": 0.0, "exact": 0.0}, None)
+        with pytest.raises(AssertionError, match="asked too much"):
+            prover.along(claim.pieces, 1.0)
+    assert asked == [9] and 9 * prover.entries <= MOST_GRAM_ENTRIES < 10 * prover.entries

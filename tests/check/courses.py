@@ -16,7 +16,7 @@ from cfjax.certificate.certifier import _prove_sets
 from cfjax.certificate.stretches import Prover, RoundedFunnel, Stretch, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_decrease, write_problem
-from cfjax.check.document import read_problem
+from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
 from cfjax.check.rational import rational
 from cfjax.check.tube import TubeClaim
 from cfjax.funnel import Funnel, template_named
@@ -120,7 +120,7 @@ def assembled(
     found = []
     with ThreadPoolExecutor(2) as pool:
         for kind, (funnel, own) in enumerate(zip(funnels, stretches, strict=True)):
-            prover = Prover(problem, funnel, graph, kind, pool, {"sos": 0.0, "exact": 0.0}, None)
+            prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, pool, {"sos": 0.0, "exact": 0.0}, None)
             found.append([prover.prove(stretch, 0.0) for stretch in own])
     written = [
         funnel.write(min(proof.margin for proof in own), None) for funnel, own in zip(funnels, found, strict=True)

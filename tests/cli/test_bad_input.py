@@ -136,6 +136,7 @@ CASES = [
     (["+path=circle", "polytope.demonstrations=none"], "polytope.demonstrations: expected one of mpc, revised, got n"),
     (["+path=figure_eight", "learner=polytope"], "learner=polytope: expected one distinct segment, got 2"),
     (["+path=oval", "template=paper", "certificate=tube"], "template: expected contracting with certificate=tube, got"),
+    (["+path=oval", "certificate=tube", "learner=polytope"], "certificate: expected auto or segment with learner=pol"),
     (["+path=tube", "learner=polytope"], "learner=polytope: expected a path, got a tube"),
     (["+path=circle", "beta_lower=1"], "beta_lower: expected a number of at least 0.05 and below 1, got 1.0"),
     (["+path=circle", "beta_lower=nan"], "beta_lower: expected a number of at least 0.05 and below 1, got nan"),
