@@ -30,7 +30,7 @@ class Elimination:
     centre: str = "mve"  # of the maximum-volume ellipsoid; or analytic, chebyshev
     batch: int = 8  # counterexamples that answer one candidate, at most
     demonstrations: str = "mpc"  # or "revised": those too, but chosen anew after every candidate
-    delta: float = 0.01  # radius of the ball of coefficients that has to be left, the box being [-1, 1]
+    delta: float = 0.01  # radius of the ball of coefficients that has to be left; C in half-axes of I, Frobenius norm
 
     def __post_init__(self) -> None:
         if not 0 < self.margin < float("inf"):
@@ -45,6 +45,11 @@ class Elimination:
             )
         if not 0 < self.delta < 1:
             raise InputError(f"polytope.delta: expected a number between 0 and 1, got {self.delta}")
+
+    @property
+    def revise(self) -> bool:
+        """Whether demonstrations are chosen anew after every candidate."""
+        return self.demonstrations == "revised"
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,8 @@ def check_question(problem: "Problem", options: Options) -> None:
     if options.certificate == "tube" and options.template != "contracting":
         raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
     if options.learner == "polytope":
+        if options.certificate == "tube":
+            raise InputError("certificate: expected auto or segment with learner=polytope, got tube")
         if path.tube:
             raise InputError("learner=polytope: expected a path, got a tube")
         if len(path.distinct) > 1:
