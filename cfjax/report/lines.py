@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import io
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ def markdown(lines: Sequence[Any], without: Sequence[str] = ("seconds",)) -> str
     """One column per field, four digits; fields in `without` (those that no two runs share) are left out."""
 
     def cell(value: object) -> str:
-        return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+        nothing = value is None or (isinstance(value, float) and math.isnan(value))
+        return "–" if nothing else f"{value:.4g}" if isinstance(value, float) else str(value)
 
     names = [field.name for field in dataclasses.fields(lines[0]) if field.name not in without] if lines else []
     rows = [" | ".join(cell(getattr(line, name)) for name in names) for line in lines]
