@@ -2,6 +2,7 @@
 
 from cfjax.control.law import Descent, Law, LawNumbers, descent_at, law_numbers, path_point
 from cfjax.control.min_norm import MinNorm, nearest_in_box
+from cfjax.control.query import Located, locate
 from cfjax.control.sontag import LinSontag, Sontag
 from cfjax.errors import InputError
 
@@ -22,11 +23,13 @@ __all__ = [
     "Law",
     "LawNumbers",
     "LinSontag",
+    "Located",
     "MinNorm",
     "Sontag",
     "descent_at",
     "law_named",
     "law_numbers",
+    "locate",
     "nearest_in_box",
     "path_point",
 ]

@@ -1,6 +1,7 @@
 """What is sought: templates of V, funnels, and the conditions that make one a control funnel function."""
 
 from cfjax.funnel.funnel import Funnel
+from cfjax.funnel.leg import Leg
 from cfjax.funnel.objective import LATERAL, Objective, lateral_half_width
 from cfjax.funnel.template import TEMPLATES, Contracting, Paper, Template, template_named
 
@@ -10,6 +11,7 @@ __all__ = [
     "TEMPLATES",
     "Contracting",
     "Funnel",
+    "Leg",
     "Objective",
     "Paper",
     "Template",

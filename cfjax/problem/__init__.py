@@ -5,7 +5,7 @@ stands here; no other place writes the dynamics, the path or the sets a second t
 """
 
 from cfjax.problem.curves import ellipse, figure_eight, obstacle_path, oval, slalom
-from cfjax.problem.deviation import affine_deviation, deviation_rate, feedforward
+from cfjax.problem.deviation import affine_deviation, deviation_rate, feedforward, to_deviation, to_state
 from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, disc_centres, distances
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
@@ -49,6 +49,8 @@ __all__ = [
     "oval",
     "slalom",
     "straight",
+    "to_deviation",
+    "to_state",
     "tube",
     "waypoints",
 ]

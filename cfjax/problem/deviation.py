@@ -67,6 +67,38 @@ def deviation_rate(vehicle: Vehicle, x: "Sequence", inputs: "Sequence", referenc
     )
 
 
+def to_deviation(vehicle: Vehicle, state: "Sequence", pose: "Sequence", point: ReferencePoint) -> tuple:
+    """The deviation (α_R, x_R, y_R, ξ_R…) of an inertial state from the reference: scalars in, scalars out.
+
+    `state` is (α, x, y, ξ…): heading in rad, position in m, internal states; `pose` (α_r, x_r, y_r) is the
+    reference's. Headings wrap: α_R lies in [−π, π).
+    """
+    alpha, x, y, *internal = state
+    alpha_r, x_r, y_r = pose
+    c, s = jnp.cos(alpha_r), jnp.sin(alpha_r)
+    reference = vehicle.reference(point.turn_rate, point.speed)[1]
+    return (
+        jnp.mod(alpha - alpha_r + jnp.pi, 2 * jnp.pi) - jnp.pi,
+        c * (x - x_r) + s * (y - y_r),
+        c * (y - y_r) - s * (x - x_r),
+        *(own - ref for own, ref in zip(internal, reference, strict=True)),
+    )
+
+
+def to_state(vehicle: Vehicle, x: "Sequence", pose: "Sequence", point: ReferencePoint) -> tuple:
+    """The inertial state (α, x, y, ξ…) at a deviation from the reference: the inverse of `to_deviation`."""
+    alpha, px, py, *internal = x
+    alpha_r, x_r, y_r = pose
+    c, s = jnp.cos(alpha_r), jnp.sin(alpha_r)
+    reference = vehicle.reference(point.turn_rate, point.speed)[1]
+    return (
+        alpha + alpha_r,
+        c * px - s * py + x_r,
+        s * px + c * py + y_r,
+        *(own + ref for own, ref in zip(internal, reference, strict=True)),
+    )
+
+
 @partial(jax.jit, static_argnames="vehicle")
 def affine_deviation(
     vehicle: Vehicle, x: Float[Array, " n"], reference: ReferencePoint

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from cfjax.control import Law, MinNorm, law_numbers
 from cfjax.errors import InputError
-from cfjax.funnel import Funnel, Template
+from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Problem, ReferencePoint, Vehicle
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 from cfjax.result import ClosedLoop, Rollouts
@@ -43,19 +43,6 @@ STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at
 STEP_SHARE = 1 / 5  # of the funnel scaled to a half-width of 1 rad in heading: per step at full inputs, at most
 JUMP = 1e-6  # relative to the largest along the path: less is rounding
 MEETS = 1e-9  # relative to the path's duration: what rounding may leave between an end and what it should meet
-
-
-class Leg(NamedTuple):
-    """A stretch of the path and the funnel there: a segment of a chain, or what is driven in one universal tube.
-
-    θ counts along the whole path, over all its segments; a leg begins where the one before ends, the first at θ = 0.
-    The funnel counts its own θ from the leg's begin.
-    """
-
-    end: float  # θ, s
-    funnel: Funnel  # of the leg's duration; or of a tube: infinite, rate 0, V = xᵀCx
-    margin: float  # λ, 1/s
-    margin_per_metre: float = 0.0  # μ, 1/m of the reference's way; see `cfjax.control.law_numbers`
 
 
 class Legs(NamedTuple):

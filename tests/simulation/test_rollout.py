@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 import cfjax.simulation.rollout as rollout
 from cfjax.control import MinNorm, law_numbers
 from cfjax.errors import InputError
-from cfjax.funnel import Contracting, Funnel, Paper
+from cfjax.funnel import Contracting, Funnel, Leg, Paper
 from cfjax.problem import (
     Box,
     Disc,
@@ -38,7 +38,7 @@ from cfjax.problem import (
     tube,
 )
 from cfjax.problem.course import profiles_of
-from cfjax.simulation import Leg, drive_cars
+from cfjax.simulation import drive_cars
 from cfjax.simulation.loop import advance, loop_of, sample_starts, start
 from cfjax.simulation.rollout import drive
 
