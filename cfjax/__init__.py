@@ -13,6 +13,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from cfjax.certificate import certify, refute
+    from cfjax.demonstrator import demonstrate
     from cfjax.errors import InputError
     from cfjax.funnel import Contracting, Funnel, Objective, Paper
     from cfjax.options import Options
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 _WHERE = {
     "InputError": "errors",
     "Verdict": "verdict",
+    "demonstrate": "demonstrator",
     "Result": "result",
     "Options": "options",
     **dict.fromkeys(("drive", "search", "synthesize"), "synthesis"),
@@ -96,6 +98,7 @@ __all__ = [
     "ball",
     "certify",
     "circle",
+    "demonstrate",
     "drive",
     "ellipse",
     "figure_eight",

@@ -251,29 +251,23 @@ class _Search:
         how = self.options.polytope
 
         def demonstrated(theta: np.ndarray, x: np.ndarray) -> np.ndarray:
-            return np.asarray(demonstrate(self.asked, x, theta).inputs)
+            same = np.arange(how.batch) % len(x)  # each number of problems would be compiled for itself
+            return np.asarray(demonstrate(self.asked, x[same], theta[same]).inputs)[: len(x)]
 
         with self.timed("learn"):
             found = learn_polytope(
                 self.asked,
                 self.template,
+                how,
                 beta_lower=self.options.beta_lower,
                 beta_inner=self.options.beta_inner,
-                margin=how.margin,
                 demonstrate=demonstrated,
-                batch=how.batch,
-                centre=how.centre,
-                revise=how.demonstrations == "revised",
-                climb=how.climb,
-                delta=how.delta,
                 seed=self.options.seed,
                 progress=lambda done, of: self.progress("learn", done, of),
             )
         self.search = {
             "learner": "polytope",
-            "candidates": found.iterations,
-            "bound": found.bound if found.runs else 0,
-            "demonstrations": found.demonstrations,
+            "runs": [run.figures() for run in found.runs],
             "shown": found.message,
         }
         return found.learned, found.message

@@ -37,13 +37,31 @@ from cfjax.problem import Problem, Vehicle
 
 TOLERANCE: Final = 1e-4  # of the cost: a half-width of any one input would change it by no more, to first order
 MOST_ITERATIONS: Final = 100
+STRIDE: Final = 0.2  # m of the reference's way in one interval
+LONGEST: Final = 0.1  # s of one interval
+ROUNDED: Final = 1e-9  # of the largest entry, by which weights may be off
+PLACES: Final = 33  # of a segment, at which its speed is looked at
 
 
 class Horizon(NamedTuple):
-    """How far ahead: `steps` intervals of `step` s."""
+    """How far ahead: `steps` intervals of `step` s; `horizon_of` has one that fits a problem."""
 
     steps: int = 20
     step: float = 0.1
+
+
+def horizon_of(problem: Problem, steps: int = 20) -> Horizon:
+    """So long as one Runge–Kutta step per interval sees the motion: no more than `STRIDE` at the path's highest speed.
+
+    No step is longer than `LONGEST`, and the horizon no longer than the path.
+    """
+    if bounds := problem.path.tube:
+        fastest, duration = bounds.speed.upper, np.inf
+    else:
+        curve = problem.path.curve
+        duration = sum(segment.duration for segment in curve)
+        fastest = max(segment.point(t).speed for segment in curve for t in np.linspace(0.0, segment.duration, PLACES))
+    return Horizon(steps, float(min(LONGEST, STRIDE / fastest, duration / steps)))
 
 
 class Demonstration(NamedTuple):
@@ -54,10 +72,8 @@ class Demonstration(NamedTuple):
     states: Float[Array, "k N+1 n"]  # deviations at the ends of the intervals
     theta: Float[Array, "k N+1"]  # s along the path
     cost: Float[Array, " k"]
-    converged: Bool[Array, " k"]  # the residual is below the tolerance
-    residual: Float[
-        Array, " k"
-    ]  # largest effect of a half-width of an input on the cost, to first order, over the cost
+    converged: Bool[Array, " k"]  # the residual is below the tolerance, or the cost is next to nothing (`pool.STILL`)
+    residual: Float[Array, " k"]  # to first order: the largest effect of a half-width of any one input, over the cost
     iterations: Int[Array, " k"]
 
     def next_plan(self) -> Float[Array, "k N m"]:
@@ -70,7 +86,7 @@ def demonstrate(
     x: ArrayLike,
     theta: ArrayLike | None = None,
     *,
-    horizon: Horizon = Horizon(),
+    horizon: Horizon | None = None,
     weights: Weights | None = None,
     warm: ArrayLike | None = None,
     tolerance: float = TOLERANCE,
@@ -84,8 +100,8 @@ def demonstrate(
     Args:
         problem: the vehicle, its input box, the path. Its sets only scale the default weights, nothing keeps to them.
         x: deviations (k, n): rad, m, m, units of the internal states. Of any size: headings beyond π are not wrapped.
-        theta: (k,) s along the whole path; 0 if not given.
-        horizon: intervals.
+        theta: (k,) s along the whole path, from 0 on; 0 if not given.
+        horizon: intervals; `horizon_of(problem)` if not given.
         weights: of the cost; `weights_of(problem)` if not given.
         warm: inputs (k, N, m) to begin with, e.g. `Demonstration.next_plan()` of the interval before; clipped into the
             box. If not given, the feed-forward of the reference at the start.
@@ -93,12 +109,16 @@ def demonstrate(
         most_iterations: of backward and forward passes; what needs more comes back as it is, not converged.
 
     Raises:
-        InputError: for shapes that do not fit and numbers that are not finite.
+        InputError: for shapes that do not fit, numbers that are not finite, a θ before the path, and weights that are
+            not symmetric and positive semidefinite.
     """
     n, m = problem.dimension, len(problem.inputs)
     start = _array("x", x, (None, n))
     count = start.shape[0]
     along = np.zeros(count) if theta is None else _array("theta", theta, (count,))
+    if (along < 0).any():
+        raise InputError(f"theta: expected no θ before the path's beginning at 0 s, got {along.min():g}")
+    horizon = horizon_of(problem) if horizon is None else horizon
     if not (isinstance(horizon.steps, int) and horizon.steps >= 1 and 0 < horizon.step < np.inf):
         raise InputError(f"horizon: expected at least one step of a positive finite length, got {tuple(horizon)}")
     guess = None if warm is None else jnp.asarray(_array("warm", warm, (count, horizon.steps, m)))
@@ -108,7 +128,7 @@ def demonstrate(
         ("effort", weights.effort, m),
         ("terminal", weights.terminal, n),
     ):
-        _array(f"weights.{name}", matrix, (size, size))
+        _weight(f"weights.{name}", matrix, size)
     reference, end = reference_of(problem)
     task = Task(
         reference,
@@ -134,6 +154,15 @@ def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> np.nda
     if array.shape[0] == 0:
         raise InputError(f"{name}: expected at least one row, got none")
     return array
+
+
+def _weight(name: str, value: ArrayLike, size: int) -> None:
+    matrix = _array(name, value, (size, size))
+    least, largest = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0], np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > ROUNDED * largest:
+        raise InputError(f"{name}: expected a symmetric matrix, got entries that differ from their mirror images")
+    if least < -ROUNDED * largest:
+        raise InputError(f"{name}: expected a positive semidefinite matrix, got the eigenvalue {least:.3g}")
 
 
 @partial(jax.jit, static_argnames=("vehicle", "steps"))

@@ -89,7 +89,7 @@ def reference_of(problem: Problem) -> tuple[ReferencePoint | Pieces, float]:
 
 
 def point_of(task: Task, theta: Scalar, piece: Scalar) -> ReferencePoint:
-    """The reference at θ by the polynomials of the given piece; beyond the end it stays, without slopes."""
+    """The reference at θ ≥ 0 by the polynomials of the given piece; beyond the end it stays, without slopes."""
     if isinstance(task.reference, ReferencePoint):
         return task.reference
     point = point_at(task.reference, piece, jnp.clip(theta, 0.0, task.end))

@@ -26,10 +26,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linprog
 
-from cfjax.errors import InputError
 
-
-CENTRES = ("mve", "analytic", "chebyshev")
 SETTINGS = (  # of Clarabel, one after the other: rows have unit length already, and shorter steps are safer
     {"equilibrate_enable": False},
     {"equilibrate_enable": False, "max_step_fraction": 0.9},
@@ -72,9 +69,13 @@ class Polytope:
         """By how much each inequality holds at c, in its own unit."""
         return self.offsets - self.normals @ c
 
-    def within(self, normals: Float[np.ndarray, "k r"], offsets: Float[np.ndarray, " k"]) -> "Polytope":
-        """Cut by further half-spaces."""
-        return self.cut(Polytope(normals, offsets))
+    def with_unit_normals(self) -> "Polytope | None":
+        """The same set; rows 0 · c ≤ b are left out, and there is no set where b < 0."""
+        size = np.linalg.norm(self.normals, axis=1)
+        if (self.offsets[size == 0] < 0).any():
+            return None
+        told = size > 0
+        return Polytope(self.normals[told] / size[told, None], self.offsets[told] / size[told])
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,15 @@ def largest_ball(polytope: Polytope) -> tuple[Float[np.ndarray, " r"], float]:
     """Centre and radius of the largest ball in a bounded polytope.
 
     Where there is no interior the radius is not above zero: minus the distance by which every half-space has to
-    recede before a point lies in all of them.
+    recede before a point lies in all of them; −∞ where a half-space 0 · c ≤ b < 0 cannot.
     """
-    size = np.linalg.norm(polytope.normals, axis=1)
-    matrix = np.concatenate([polytope.normals / size[:, None], np.ones((len(size), 1))], axis=1)
+    unit = polytope.with_unit_normals()
+    if unit is None:
+        return np.zeros(polytope.dimension), -math.inf
+    matrix = np.concatenate([unit.normals, np.ones((len(unit), 1))], axis=1)
     cost = np.zeros(polytope.dimension + 1)
     cost[-1] = -1.0
-    found = linprog(cost, A_ub=matrix, b_ub=polytope.offsets / size, bounds=(None, None), method="highs")
+    found = linprog(cost, A_ub=matrix, b_ub=unit.offsets, bounds=(None, None), method="highs")
     if found.status != 0:
         raise CentreError(f"largest ball: {found.message}")
     return found.x[:-1], float(found.x[-1])
@@ -118,19 +121,23 @@ def inscribed(polytope: Polytope, kind: str = "mve", frame: Inscribed | None = N
     Raises:
         CentreError: where the solver does not find it.
     """
-    if kind not in CENTRES:
-        raise InputError(f"learner.centre: expected one of {', '.join(CENTRES)}, got {kind}")
     centre, radius = largest_ball(polytope)
-    if radius <= 0:
+    unit = polytope.with_unit_normals()
+    if radius <= 0 or unit is None:
         return None
     ball = Inscribed(centre, radius * np.eye(polytope.dimension))
     if kind == "chebyshev":
         return ball
     frame = frame or ball
-    rows = polytope.normals @ frame.factor
+    rows = unit.normals @ frame.factor
     size = np.linalg.norm(rows, axis=1)
-    seen = Polytope(rows / size[:, None], polytope.slack(frame.centre) / size)
-    own = _largest_ellipsoid(seen) if kind == "mve" else _dikin(seen)
+    seen = Polytope(rows / size[:, None], unit.slack(frame.centre) / size)
+    if kind == "mve":
+        own = _largest_ellipsoid(seen)
+    elif kind == "analytic":
+        own = _dikin(seen)
+    else:
+        raise ValueError(f"centre: there is none of the name {kind}")
     return Inscribed(frame.centre + frame.factor @ own.centre, frame.factor @ own.factor)
 
 
@@ -183,12 +190,19 @@ def _solve(problem: cp.Problem) -> None:
 
 
 def irredundant(polytope: Polytope) -> Polytope:
-    """The same set by fewer half-spaces: those are left out that the others imply, one linear program each."""
-    kept = np.ones(len(polytope), bool)
+    """The same set by fewer half-spaces: those are left out that the others imply, one linear program each.
+
+    Of a set that a half-space 0 · c ≤ b < 0 empties, only such half-spaces remain.
+    """
     size = np.linalg.norm(polytope.normals, axis=1)
-    normals, offsets = polytope.normals / size[:, None], polytope.offsets / size
-    for row in range(len(polytope)):
+    empty = (size == 0) & (polytope.offsets < 0)
+    if empty.any():
+        return Polytope(polytope.normals[empty], polytope.offsets[empty])
+    told = Polytope(polytope.normals[size > 0], polytope.offsets[size > 0])
+    normals, offsets = told.normals / size[size > 0, None], told.offsets / size[size > 0]
+    kept = np.ones(len(told), bool)
+    for row in range(len(told)):
         kept[row] = False
         found = linprog(-normals[row], A_ub=normals[kept], b_ub=offsets[kept], bounds=(None, None), method="highs")
         kept[row] = not (found.status == 0 and -found.fun <= offsets[row] - REDUNDANT)
-    return Polytope(polytope.normals[kept], polytope.offsets[kept])
+    return Polytope(told.normals[kept], told.offsets[kept])

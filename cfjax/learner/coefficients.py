@@ -2,10 +2,12 @@
 
 V is linear in C and, for the template `paper`, in c0; for `contracting` it is linear in C at a given rate.
 
-States are counted in half-axes of I, so the unknown is C' = D C D with D = diag(half-axes), and (a) is C' ≺ 1: its
-diagonal entries lie in (0, 1), the others in [−½, ½]. S bounds the diagonal from below, (I_i/s_i)², and so do (b) and G
-where the rate is given. Off the diagonal √2 C'_ij is the coefficient, so that lengths are Frobenius norms: the radius δ
-of a ball of candidates has no unit and means every C' within δ. `paper` has one more coefficient, c0 T.
+States are counted in half-axes of I, so the unknown is C' = D C D with D = diag(half-axes), and (a) is C' ≺ 1. Where
+the rate is given, (b) is C' ≻ Γ = ρ(T) diag((I_i/G_i)²), else Γ = 0. Between the two, an entry off the diagonal is at
+most ½ √((1 − Γ_ii)(1 − Γ_jj)) in size: ½ at most. The diagonal lies in (Γ_ii, 1), and S bounds it from below too, by
+(I_i/s_i)²: each entry by itself, no matrix, so S says nothing about the others. Off the diagonal √2 C'_ij is the
+coefficient, so that lengths are Frobenius norms: the radius δ of a ball of candidates has no unit and means every C'
+within δ. `paper` has one more coefficient, c0 T.
 
 The conditions are half-spaces at their worst points: (a) V(0, x) < 1 and (b) V(T, x) > 1 along eigenvectors, (c) V > 1
 where a funnel comes farthest through a face of S. They hold for every funnel, whatever the candidate they come from.
@@ -21,7 +23,6 @@ from jaxtyping import Float
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.instance import Chain, Instance
 from cfjax.learner.centre import Polytope
-from cfjax.problem import Problem
 
 
 GAP = 1e-6  # relative, by which (a)–(c) hold
@@ -34,7 +35,6 @@ class Coordinates:
     c holds the upper triangle of C' = D C D row by row, √2 times what is off the diagonal, and c0 T for `paper`.
     """
 
-    problem: Problem
     template: Template
     inlet: Float[np.ndarray, " n"]  # D, half-axes of I
     goal: Float[np.ndarray, " n"]
@@ -49,7 +49,6 @@ class Coordinates:
     @classmethod
     def of(
         cls,
-        problem: Problem,
         template: Template,
         chain: Chain,
         beta_lower: float,
@@ -62,14 +61,12 @@ class Coordinates:
         size = len(inlet)
         rows, columns = np.triu_indices(size)
         diagonal = rows == columns
-        least = (inlet / safe) ** 2  # 1/C_ii ≤ (C⁻¹)_ii < s_i²
         bounds = tuple(float(bound) for bound in numbers.change_bounds)
-        if change is not None:
-            least = np.maximum(least, math.exp(-change) * (inlet / goal) ** 2)
-        # |C'_ij| of a matrix between diag(least) and 1: half the geometric mean of the room on the diagonal
-        room = 1 - least if change is not None else np.ones(size)
-        if not (1 - least).min() > 0:
+        ends = np.zeros(size) if change is None else math.exp(-change) * (inlet / goal) ** 2
+        least = np.maximum((inlet / safe) ** 2, ends)  # 1/C_ii ≤ (C⁻¹)_ii < s_i²
+        if not least.max() < 1:
             return None
+        room = 1 - ends  # of C' between diag(ends) and 1; S is no bound on matrices
         half = np.sqrt(0.5 * room[rows] * room[columns])
         lower = np.where(diagonal, least[rows], -half)
         upper = np.where(diagonal, 1.0, half)
@@ -80,7 +77,7 @@ class Coordinates:
                 return None
             lower, upper = np.append(lower, bounds[0]), np.append(upper, highest)
         duration = float(numbers.duration)
-        return cls(problem, template, inlet, goal, safe, duration, beta_lower, beta_inner, change, lower, upper)
+        return cls(template, inlet, goal, safe, duration, beta_lower, beta_inner, change, lower, upper)
 
     @property
     def free_rate(self) -> bool:
@@ -114,6 +111,14 @@ class Coordinates:
         """Rate · duration."""
         return float(c[-1]) if self.change is None else self.change
 
+    def cone(
+        self, forms: Float[np.ndarray, "k r"], least: Float[np.ndarray, " k"], theta: Float[np.ndarray, " k"]
+    ) -> Polytope:
+        """forms · C ≥ least ρ(θ), which is linear in c0 too: half-spaces of M = C/ρ(θ), whatever the rate."""
+        if self.change is None:
+            return Polytope(-forms - self.last(least * theta / self.duration), -least)
+        return Polytope(-forms, -least * np.exp(-self.change * theta / self.duration))
+
     def level(self, c: Float[np.ndarray, " r"], theta: float) -> float:
         """ρ(θ)."""
         return float(self.template.level(self.change_of(c) / self.duration, theta))
@@ -124,9 +129,7 @@ class Coordinates:
 
     def above(self, x: Float[np.ndarray, "k n"], theta: Float[np.ndarray, " k"]) -> Polytope:
         """V(θ, x) > 1 at points (θ, x) that no funnel may hold: −q − c0 θ ≤ −1, or −q ≤ −ρ(θ)."""
-        rows = -self.form(x) - self.last(theta / self.duration)
-        level = np.ones(len(x)) if self.change is None else np.exp(-self.change * theta / self.duration)
-        return Polytope(rows, -(1 + GAP) * level)
+        return self.cone(self.form(x), np.full(len(x), 1 + GAP), theta)
 
     def below(self, x: Float[np.ndarray, "k n"]) -> Polytope:
         """V(0, x) < 1 at points that the start has to hold."""

@@ -12,12 +12,16 @@ ellipsoid E_k leaves at most a share s of the volume. So if after k cuts a δ-ro
 
     vol B_δ ≤ vol E_k ≤ s^k vol B_Δ,      k ≤ r ln(Δ/δ) / (−ln s).
 
-The articles have s = 1 − 1/r, of the polytope. Of the ellipsoid s = 8/9 is proven (`cfjax.learner.centre`), which is
-the better one from r = 9 on; below, 1 − 1/r is smaller than can be relied on. The larger of the two is taken: the bound
-of the articles where r is 9 or more, as for a funnel of a car.
+The articles have s = 1 − 1/r, of the polytope. Of the ellipsoid s = 8/9 is proven (`cfjax.learner.centre`). From r = 9
+on, as for a funnel of a car (10 coefficients, or 11), the bound of the articles is stated and enforced, for it is the
+one that readers know: the proven one is the sharper of the two there (by a tenth at r = 10, by half at r = 16), so
+every search keeps to it. Below r = 9 the articles' share is smaller than can be relied on (a triangle), and a search
+that is ended by it would end for no reason: the proven one is taken.
 
-It speaks of cuts that exclude the centre, hence the half-spaces of an oracle have to; of other centres, and of oracles
-that take back what they said, it says nothing, and there the same number is no more than a limit.
+The bound counts cuts: a ball of radius δ can be left after ⌊r ln(Δ/δ) / (−ln s)⌋ of them, and after one more none is.
+That is the number which is stated, the expression rounded up. It speaks of cuts that exclude the centre, hence the
+half-spaces of an oracle have to; of other centres, and of oracles that take back what they said, it says nothing, and
+there the same number is no more than a limit.
 """
 
 import enum
@@ -37,6 +41,10 @@ ELLIPSOID_SHARE = 8 / 9  # that a cut through its centre leaves of the largest e
 EXCLUDED = 1e-9  # slack that rounding may leave to a candidate that is cut off
 
 
+class Undecided(Exception):
+    """An oracle that can neither accept a candidate nor say what is wrong with it."""
+
+
 class Reply(NamedTuple):
     """Half-spaces that exclude the candidate; none accepts it. `afresh`: in place of all that were named before."""
 
@@ -52,8 +60,8 @@ class Ending(enum.Enum):
 
     FOUND = "found"  # the oracle accepted the centre
     TOO_SMALL = "too small"  # no ball of radius δ satisfies all half-spaces
-    LIMIT = "limit"  # more cuts than the bound, and still room for a ball: the bound does not hold here
-    SOLVER = "solver"  # no centre was found of a polytope that has one
+    LIMIT = "limit"  # as many cuts as the bound, and still room for a ball: the bound does not hold here
+    SOLVER = "solver"  # no centre was found of a polytope that has one, or the oracle was undecided
 
 
 class Step(NamedTuple):
@@ -62,7 +70,7 @@ class Step(NamedTuple):
     log_volume: float  # of the ellipsoid
     radius: float  # of the largest ball
     half_spaces: int
-    cuts: int  # new ones; 0: accepted
+    cuts: int  # half-spaces of the answer, those of earlier ones included where it begins afresh; 0: accepted
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,7 @@ class Localised:
     ending: Ending
     candidate: Float[np.ndarray, " r"] | None
     polytope: Polytope  # what was left, the last cuts included
-    bound: int  # on the number of cuts
+    bound: int  # on the number of cuts; with other centres than mve, or answers that take back others, only a limit
     radius: float  # of the largest ball in `polytope`; not above zero where it is empty
     history: tuple[Step, ...]
 
@@ -83,9 +91,13 @@ class Localised:
 
 
 def iteration_bound(dimension: int, log_volume: float, delta: float) -> int:
-    """The largest number of cuts after which a ball of radius `delta` may be left of a set of that volume."""
+    """The number of cuts after which no ball of radius `delta` is left of a set of that volume.
+
+    r ln(Δ/δ) / (−ln(1 − 1/r)), rounded up, from r = 9 on, where 8/9 in place of 1 − 1/r would give a smaller number
+    that holds too; 8/9 below.
+    """
     share = max(1 - 1 / dimension, ELLIPSOID_SHARE)
-    return max(0, math.floor((log_volume - log_ball(dimension, delta)) / -math.log(share)))
+    return max(0, math.floor((log_volume - log_ball(dimension, delta)) / -math.log(share)) + 1)
 
 
 def localise(
@@ -100,6 +112,7 @@ def localise(
 ) -> Localised:
     """Ask the oracle at centres until it accepts one or no ball of radius `delta` is left.
 
+    An oracle that raises `CentreError` or `Undecided` ends the search: nothing is known about that candidate.
     `known` are half-spaces that hold from the start, beside the box. `progress` hears (cuts so far, bound).
     """
     box = Polytope.box(lower, upper)
@@ -119,12 +132,15 @@ def localise(
             return ended(Ending.SOLVER, math.nan)
         if radius < delta:
             return ended(Ending.TOO_SMALL, radius)
-        if len(history) > bound:
+        if len(history) >= bound:
             return ended(Ending.LIMIT, radius)
         frame = _centre(polytope, centre, frame)
         if frame is None:
             return ended(Ending.SOLVER, radius)
-        reply = oracle(frame.centre)
+        try:
+            reply = oracle(frame.centre)
+        except (CentreError, Undecided):
+            return ended(Ending.SOLVER, radius)
         history.append(Step(frame.log_volume, radius, len(polytope), len(reply.cuts)))
         if not len(reply.cuts):
             return ended(Ending.FOUND, radius, frame.centre)

@@ -5,10 +5,12 @@ one point with one input is a half-space of them. The falsifier finds points (θ
 demonstrator says what input it would give there; from then on V̇ along that input has to fall there:
 
     ∇V · f(x, u) + ∂V/∂θ u0 ≤ −ε                 `paper`: linear in C and c0
-    ∇V · f(x, u) + ∂V/∂θ u0 ≤ −ε V/β̲             `contracting`: linear in C, for one rate k at a time
+    ∇V · f(x, u) + ∂V/∂θ u0 ≤ −ε V/β̲             `contracting`: linear in C, for one rate k at a time; and `paper`
+                                                 with an inner level
 
-The candidate fails with its best input, so it fails with the demonstrated one: every answer cuts it off. (The template
-`contracting` is asked for ε where V = β̲ and for ε/β̲ where V = 1, the falsifier only for ε: it accepts a little more.)
+The candidate fails with its best input, so it fails with the demonstrated one: every answer cuts it off. (The second
+line asks for ε where V = β̲ and for ε/β̲ where V = 1, the falsifier only for ε: it accepts a little more. So where no
+candidate is left, it was the larger demand that left none, and the message says so.)
 
 **What is lost.** Condition (d) says: for each point *of a funnel's own shell* there is *some* input. Here each
 candidate has to decrease at each witness, though only the shell of the candidate that failed there is known to hold it,
@@ -17,8 +19,10 @@ neither. So where no ball of radius δ is left, this is what was shown: **no δ-
 demonstrations**; with another demonstrator, one may be.
 
 (a), (b), (c) are half-spaces at their worst points too (`cfjax.learner.coefficients`). Beside an obstacle any
-separating half-plane will do, and the one that is best for the candidate (of a fan of directions) is taken: a
-demonstration as well.
+separating half-plane of the plane will do, and at a place where a candidate reaches over all of a fan, it is the one
+that is best for this candidate by which all others are judged from then on: a choice like a demonstrated input, and
+counted as one (`Run.half_planes`). How far a funnel reaches along its normal is convex in M = C/ρ(θ), so the cut is its
+tangent at the candidate: every funnel that keeps to this half-plane at this place satisfies it.
 
 **Revised demonstrations.** With `revise` inputs are no longer given once for all: after every candidate those of all
 witnesses are chosen anew, in turns with the centre of the largest ball that is left. At that centre each witness takes
@@ -45,17 +49,19 @@ from cfjax.errors import InputError
 from cfjax.falsifier.duel import Schedule
 from cfjax.falsifier.falsifier import GROUPS, SEARCH, falsify, hunt
 from cfjax.funnel import Funnel, Template
-from cfjax.funnel.conditions import CLEAR, chain_excess
+from cfjax.funnel.conditions import CLEAR, chain_excess, shell_points
 from cfjax.funnel.instance import Chain, Instance, Unit, chain_of
 from cfjax.funnel.template import Paper
-from cfjax.learner.centre import CENTRES, Polytope, largest_ball
+from cfjax.learner.centre import Polytope, largest_ball
 from cfjax.learner.coefficients import GAP, Coordinates
 from cfjax.learner.gradient import Learned
-from cfjax.learner.localise import Ending, Localised, Reply, localise
-from cfjax.problem import Problem, ReferencePoint, Tube, Vehicle, affine_deviation
+from cfjax.learner.localise import Ending, Localised, Reply, Undecided, localise
+from cfjax.options import Elimination
+from cfjax.problem import Problem, ReferencePoint, Vehicle, affine_deviation
 
 
-CHANGES = (0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0)  # rate · duration, where the template's rate is not a coefficient
+# rate · duration, where the template's rate is not a coefficient; below zero the funnel grows, where it may
+CHANGES = (0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, -0.3, -1.0)
 QUICK = SEARCH._replace(steps=200)  # for candidates that are likely to fail
 ACCEPTING = 4  # thorough hunts without a find, by which a candidate is accepted
 DISTANT = 0.2  # between witnesses of a batch, in dual coordinates
@@ -92,11 +98,33 @@ class Run:
     margin: float  # 1/s, falsified; −∞ without a funnel
     asked: float  # 1/s, the last margin asked for
     search: Localised
+    bounded: bool  # whether `search.bound` is a bound for this kind of search, or only a limit
     witnesses: Witnesses
+    half_planes: int  # that were chosen beside obstacles
 
     @property
     def demonstrations(self) -> int:
         return len(self.witnesses.theta)
+
+    @property
+    def candidates(self) -> int:
+        return len(self.search.history)
+
+    def figures(self) -> dict[str, float | int | str | None]:
+        """For result.json."""
+        bound = self.search.bound
+        return {
+            "change": self.change,
+            "candidates": self.candidates,
+            "cuts": self.search.cuts,
+            "bound": bound if self.bounded else None,
+            "limit": bound,
+            "demonstrations": self.demonstrations,
+            "half_planes": self.half_planes,
+            "asked": self.asked,
+            "margin": None if self.funnel is None else self.margin,
+            "ending": self.search.ending.value,
+        }
 
 
 @dataclass(frozen=True)
@@ -112,101 +140,99 @@ class PolytopeLearned:
         return self.learned.funnels if self.learned else None
 
     @property
-    def best(self) -> Run:
-        """The run of the largest margin; the last one where none found anything."""
-        return max(reversed(self.runs), key=lambda run: run.margin)
-
-    @property
     def iterations(self) -> int:
         """Candidates of all runs."""
-        return sum(len(run.search.history) for run in self.runs)
-
-    @property
-    def bound(self) -> int:
-        """On the number of cuts of each run."""
-        return self.best.search.bound
-
-    @property
-    def demonstrations(self) -> int:
-        return sum(run.demonstrations for run in self.runs)
+        return sum(run.candidates for run in self.runs)
 
 
 def learn_polytope(
     problem: Problem,
     template: Template,
+    how: Elimination = Elimination(),
     *,
     beta_lower: float = 0.9,
     beta_inner: float | None = None,
-    margin: float,
     demonstrate: Demonstrate | None = None,
-    batch: int = 8,
-    centre: str = "mve",
-    revise: bool = False,
-    climb: bool = False,
-    delta: float = 0.01,
     changes: Sequence[float] = CHANGES,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> PolytopeLearned:
-    """A funnel of margin at least `margin` (ε, 1/s), by elimination; or what was shown in looking for it.
+    """A funnel of margin at least `how.margin` (ε, 1/s), by elimination; or what was shown in looking for it.
 
-    `demonstrate` maps θ (k,), s, and deviations (k, n) to inputs (u0, u) of shape (k, 1 + m) within the box; with
-    `revise` it may be left out. Each candidate is answered by at most `batch` witnesses of (d). With `climb` the search
-    does not end at the first funnel: more margin than it has is asked for, all earlier demonstrations are held to it,
-    and the best funnel comes back when no room is left. `changes` are the values of rate · duration that are tried
-    with a template that is not linear in its rate; without `climb` the first that leads to a funnel is the last.
+    `demonstrate` maps θ (k,), s, and deviations (k, n) to inputs (u0, u) of shape (k, 1 + m) within the box; where
+    demonstrations are revised it may be left out. Each candidate is answered by at most `how.batch` witnesses of (d).
+    With `how.climb` the search does not end at the first funnel: more margin than it has is asked for, all earlier
+    demonstrations are held to it, and the best funnel comes back when no room is left. `changes` are the values of
+    rate · duration that are tried with a template that is not linear in its rate; without `climb` the first that leads
+    to a funnel is the last.
 
     Raises:
-        InputError: for a tube or a chain of several distinct segments, and for demonstrations that are no inputs.
+        InputError: for a tube or a chain of several distinct segments, a reference that touches an obstacle, and
+            demonstrations that are no inputs.
     """
-    segment = problem.path.distinct[0]
-    if isinstance(segment, Tube):
+    chain = _chain(problem, template, beta_lower, beta_inner)
+    if demonstrate is None and not how.revise:
+        raise InputError("polytope.demonstrations: expected revised where no demonstrator is given")
+    lowest, highest = (float(bound[0]) for bound in chain.funnels.change_bounds)
+    asked = [None] if isinstance(template, Paper) else [c for c in changes if lowest <= c <= highest]
+    runs: list[Run] = []
+    roomless: list[float | None] = []
+    for k, change in enumerate(asked):
+        coordinates = Coordinates.of(template, chain, beta_lower, beta_inner, change)
+        if coordinates is None:
+            roomless.append(change)
+            continue
+        best = max((run.margin for run in runs), default=-math.inf)
+        margin = max(how.margin, best) if how.climb else how.margin  # a later rate has to pass the best so far
+        task = _Task(problem, template, chain, coordinates, demonstrate, how, margin, seed)
+        report = None if progress is None else (lambda done, of, k=k: progress(k * of + done, len(asked) * of))
+        search = localise(
+            coordinates.lower,
+            coordinates.upper,
+            task,
+            delta=how.delta,
+            centre=how.centre,
+            known=coordinates.known(),
+            progress=report,
+        )
+        runs.append(task.run(search))
+        if runs[-1].funnel is not None and not how.climb:
+            break
+    found = max(reversed(runs), key=lambda run: run.margin, default=None)
+    if found is not None and found.funnel is not None:
+        return PolytopeLearned(_learned(problem, chain, found, runs, seed), found.message, tuple(runs))
+    said = list(dict.fromkeys(run.message for run in runs))
+    if roomless:
+        said.append(f"(a)–(c) leave no room{_at(roomless)}")
+    if not isinstance(template, Paper):
+        said.append("no other rates were tried")
+    return PolytopeLearned(None, "; ".join(said), tuple(runs))
+
+
+def _chain(problem: Problem, template: Template, beta_lower: float, beta_inner: float | None) -> Chain:
+    """The numbers of the one funnel whose coefficients are looked for."""
+    if problem.path.tube:
         raise InputError("learner=polytope: expected a path, got a tube")
     if len(problem.path.distinct) > 1:
         raise InputError(
             f"learner=polytope: expected one distinct segment, got {len(problem.path.distinct)}: its coefficients are "
             "those of one funnel"
         )
-    if centre not in CENTRES:
-        raise InputError(f"learner.centre: expected one of {', '.join(CENTRES)}, got {centre}")
-    if not 0 < margin < math.inf:
-        raise InputError(f"learner.margin: expected a positive number (1/s) with learner=polytope, got {margin}")
-    if not 0 < delta < 1 or batch < 1:
-        raise InputError(f"learner: expected delta between 0 and 1 and a batch of at least 1, got {delta} and {batch}")
-    if demonstrate is None and not revise:
-        raise InputError("learner: expected a demonstrator, or demonstrations that are revised")
-
     chain = chain_of(problem, template, beta_lower, beta_inner, Unit.SECOND)
-    lowest, highest = (float(bound[0]) for bound in chain.funnels.change_bounds)
-    asked = [None] if isinstance(template, Paper) else [c for c in changes if lowest <= c <= highest]
-    runs: list[Run] = []
-    for k, change in enumerate(asked):
-        coordinates = Coordinates.of(problem, template, chain, beta_lower, beta_inner, change)
-        if coordinates is None:  # (a) and (b) exclude each other at this rate
-            continue
-        task = _Task(problem, template, chain, coordinates, demonstrate, margin, batch, revise, climb, seed)
-        best = max((run.margin for run in runs), default=-math.inf)
-        if climb and best > margin:  # a later rate has to pass the best so far
-            task = _Task(problem, template, chain, coordinates, demonstrate, best, batch, revise, climb, seed)
-        report = None if progress is None else (lambda done, of, k=k: progress(k * of + done, len(asked) * of))
-        search = localise(
-            coordinates.lower,
-            coordinates.upper,
-            task,
-            delta=delta,
-            centre=centre,
-            known=coordinates.known(),
-            progress=report,
+    gap = np.asarray(chain.funnels.clearance.gap)[0]
+    if len(gap) and not gap.max(axis=1).min() > CLEAR * (1 + GAP):
+        theta = float(chain.funnels.clearance.theta[0][gap.max(axis=1).argmin()])
+        raise InputError(
+            f"obstacles: expected more than {CLEAR:g} m between them and the body on the reference itself, got "
+            f"{gap.max(axis=1).min():.3g} m at θ = {theta:.3g} s"
         )
-        runs.append(task.run(search, delta))
-        if runs[-1].funnel is not None and not climb:
-            break
-    if not runs:
-        return PolytopeLearned(None, "no rate of those tried leaves room between I and G", ())
-    found = max(reversed(runs), key=lambda run: run.margin)
-    if found.funnel is None:
-        return PolytopeLearned(None, "; ".join(dict.fromkeys(run.message for run in runs)), tuple(runs))
-    return PolytopeLearned(_learned(problem, chain, found, runs, seed), found.message, tuple(runs))
+    return chain
+
+
+def _at(changes: Sequence[float | None]) -> str:
+    """Which rates a message speaks of."""
+    told = [f"{change:.3g}/T" for change in changes if change is not None]
+    return f" at rate {', '.join(told)}" if told else ""
 
 
 def _learned(problem: Problem, chain: Chain, found: Run, runs: Sequence[Run], seed: int) -> Learned:
@@ -221,7 +247,7 @@ def _learned(problem: Problem, chain: Chain, found: Run, runs: Sequence[Run], se
         margin=margin,
         excess=float(excess.max()),
         margins=(margin,),
-        steps=sum(len(run.search.history) for run in runs),
+        steps=sum(run.candidates for run in runs),
     )
 
 
@@ -234,15 +260,14 @@ class _Task:
     chain: Chain
     coordinates: Coordinates
     demonstrate: Demonstrate | None
-    asked: float
-    batch: int
-    revise: bool
-    climb: bool
+    how: Elimination
+    asked: float  # 1/s, at present
     seed: int
     witnesses: Witnesses = field(init=False)
     contained: Polytope = field(init=False)  # half-spaces of (a), (b), (c)
     best: tuple[float, Funnel | None] = (-math.inf, None)
     outgrown: int = 0  # funnels that were found and asked for more
+    half_planes: int = 0  # that were chosen beside obstacles
 
     def __post_init__(self) -> None:
         n, m, r = self.problem.dimension, len(self.problem.inputs), len(self.coordinates.lower)
@@ -258,102 +283,124 @@ class _Task:
         cuts = self.coordinates.broken(c)
         if not len(cuts):
             cuts = self._near_obstacles(c)
+            self.half_planes += len(cuts)
         if len(cuts):
             self.contained = self.contained.cut(cuts)
             return Reply(cuts)
         funnel = self.coordinates.funnel(c)
-        margin, theta, x = self._hunt(funnel)
-        if len(theta) == 0:
+        margin, hunted = self._hunt(funnel)
+        if margin >= self.asked:
             if margin > self.best[0]:
                 self.best = margin, funnel
-            if not self.climb:
+            if not self.how.climb:
                 return Reply(Polytope(np.zeros((0, len(c))), np.zeros(0)))
             self.asked, self.outgrown = CLIMB * margin, self.outgrown + 1
-            margin, theta, x = self._hunt(funnel)  # what holds it back
+        theta, x = self._worst(funnel, hunted)
+        if not len(theta):
+            raise Undecided("falsifier: no margin, and no point at which there is none")
         new = self._demonstrated(theta, x, c)
         self.witnesses = self.witnesses.and_(new)
-        if self.revise:
+        if self.how.revise:
             return Reply(self._revised(), afresh=True)
         if self.outgrown:  # all demonstrations are held to the new margin
             return Reply(self.contained.cut(self._falling(self.witnesses)), afresh=True)
         return Reply(self._falling(new))
 
-    def run(self, search: Localised, delta: float) -> Run:
+    def run(self, search: Localised) -> Run:
         """The whole search in one object, with a message that says no more than was shown."""
         margin, funnel = self.best
         return Run(
-            self.coordinates.change, self._message(search, delta), funnel, margin, self.asked, search, self.witnesses
+            self.coordinates.change,
+            self._message(search),
+            funnel,
+            margin,
+            self.asked,
+            search,
+            self.how.centre == "mve" and not self.how.revise,
+            self.witnesses,
+            self.half_planes,
         )
 
-    def _message(self, search: Localised, delta: float) -> str:
+    def _message(self, search: Localised) -> str:
         margin, funnel = self.best
-        at = "" if self.coordinates.free_rate else f" at rate {self.coordinates.change:.3g}/T"
+        at = _at([self.coordinates.change])
         found = (
             "" if funnel is None else f"a funnel of margin {margin:.4g} 1/s{at} after {len(search.history)} candidates"
         )
-        wanted = f"margin {self.asked:.4g} 1/s{at}"
         if search.ending is Ending.FOUND:
             return found
+        wanted = f"margin {self.asked:.4g} 1/s{self._where()}"
         if search.ending is Ending.SOLVER:
-            shown = f"the solver found no centre of the polytope after {search.cuts} cuts; nothing is shown"
-        elif self.revise:
-            shown = (
-                f"the search for {wanted} ended after {search.cuts} candidates without room for a ball of {delta:g}; "
-                "demonstrations were revised, so nothing is shown"
-            )
+            shown = f"the search for {wanted} failed numerically after {search.cuts} cuts; nothing is shown"
         elif search.ending is Ending.LIMIT:
             shown = f"the search for {wanted} ended after {search.cuts} cuts, its limit; nothing is shown"
-        else:
+        elif self.how.revise:
             shown = (
-                f"no {delta:g}-robust candidate of {wanted} is compatible with these "
-                f"{len(self.witnesses.theta)} demonstrations ({search.cuts} cuts, at most {search.bound})"
+                f"the search for {wanted} ended after {search.cuts} candidates without room for a ball of "
+                f"{self.how.delta:g}; demonstrations were revised, so nothing is shown"
+            )
+        else:
+            planes = f" and {self.half_planes} half-planes beside obstacles" if self.half_planes else ""
+            most = f"at most {search.bound}" if self.how.centre == "mve" else f"limit {search.bound}, no bound"
+            shown = (
+                f"no {self.how.delta:g}-robust candidate of {wanted} is compatible with these "
+                f"{len(self.witnesses.theta)} demonstrations{planes} ({search.cuts} cuts, {most})"
             )
         return f"{found}; {shown}" if found else shown
 
-    def _hunt(self, funnel: Funnel) -> tuple[float, Float[np.ndarray, " k"], Float[np.ndarray, "k n"]]:
-        """The least margin found, and the worst, mutually distant points below what is asked: θ and x."""
+    def _where(self) -> str:
+        """What a margin that was asked for means: on which levels, and at which rates."""
+        found = self.coordinates
+        levels = ""
+        if found.change is not None or found.beta_inner is not None:
+            levels = f" (at V = {found.beta_lower:g}, {self.asked / found.beta_lower:.4g} 1/s at V = 1)"
+        if found.change is not None:
+            return f"{levels}{_at([found.change])}"
+        return f"{levels} with c0 T from {found.lower[-1]:.3g} to {found.upper[-1]:.3g}"
+
+    def _hunt(self, funnel: Funnel) -> tuple[float, "_Hunted"]:
+        """The least margin found, and all that was found: quickly, and if nothing falls short, thoroughly."""
         factor = np.linalg.cholesky(np.linalg.inv(funnel.shape))
+        found: list[_Hunted] = []
         least = math.inf
         for schedule in (QUICK, *(SEARCH,) * ACCEPTING):
-            points, station, margins = self._particles(funnel, factor, schedule)
-            least = min(least, float(margins.min()))
-            if least < self.asked:
-                return least, *self._worst(funnel, factor, points, station, margins)
-        return least, np.zeros(0), np.zeros((0, self.problem.dimension))
+            found.append(self._particles(funnel, factor, schedule))
+            least = min(least, float(found[-1].margins.min()))
+            if not least >= self.asked:
+                break
+        return least, _Hunted(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
-    def _particles(
-        self, funnel: Funnel, factor: Float[np.ndarray, "n n"], schedule: Schedule
-    ) -> tuple[Float[np.ndarray, "k d"], Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    def _particles(self, funnel: Funnel, factor: Float[np.ndarray, "n n"], schedule: Schedule) -> "_Hunted":
         factors = np.repeat(factor[None, None], GROUPS, axis=0)
         change = np.full((GROUPS, 1), funnel.rate * funnel.duration)
         found = hunt(self.problem.vehicle, self.template, self.chain, factors, change, self.rng, schedule)
         points = found.particles.points.reshape(-1, self.problem.dimension + 1)
-        return points, found.particles.station.ravel(), found.margins.ravel()
+        return _Hunted(points, found.particles.station.ravel(), found.margins.ravel())
 
-    def _worst(
-        self,
-        funnel: Funnel,
-        factor: Float[np.ndarray, "n n"],
-        points: Float[np.ndarray, "k d"],
-        station: Int[np.ndarray, " k"],
-        margins: Float[np.ndarray, " k"],
-    ) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, "b n"]]:
+    def _worst(self, funnel: Funnel, hunted: "_Hunted") -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, "b n"]]:
+        """The worst, mutually distant points below what is asked: θ and x."""
+        points, station, margins = hunted
         kept: list[int] = []
         for j in np.argsort(margins):
-            if len(kept) == self.batch or not margins[j] < self.asked:
+            if len(kept) == self.how.batch or not margins[j] < self.asked:
                 break
+            if not np.isfinite(points[j]).all():
+                continue
             apart = np.linalg.norm(points[kept] - points[j], axis=1) + np.abs(station[kept] - station[j]) / 8
             if not kept or apart.min() > DISTANT:
                 kept.append(int(j))
-        at = np.array(kept)
-        begin, end = np.asarray(self.instance.begin), np.asarray(self.instance.end)
-        inner = float(self.instance.beta_inner)
-        low, high = (np.asarray(side)[station[at]] for side in self.template.shell(funnel.rate, begin, end, inner))
-        q = low + (high - low) * points[at, -1]
-        pulled = points[at, :-1] / self.coordinates.inlet @ factor  # as in `cfjax.funnel.conditions.shell_points`
-        x = np.sqrt(q / (pulled**2).sum(axis=1))[:, None] * pulled @ factor.T
+        if not kept:
+            return np.zeros(0), np.zeros((0, self.problem.dimension))
+        at = np.array((kept * self.how.batch)[: self.how.batch])  # always as many: one compiled program
+        factor = jnp.asarray(np.linalg.cholesky(np.linalg.inv(funnel.shape)))
+        w, s = jnp.asarray(points[at, :-1]), jnp.asarray(points[at, -1])
+        x, q, _ = map(
+            np.asarray, shell_points(self.template, self.instance, factor, funnel.rate, w, s, jnp.asarray(station[at]))
+        )
+        told = np.isfinite(x).all(axis=1) & (np.arange(len(at)) < len(kept))
+        begin, end = np.asarray(self.instance.begin)[station[at]], np.asarray(self.instance.end)[station[at]]
         full = np.array([self._full_at(funnel.rate, value) for value in q.tolist()])
-        return np.clip(full, begin[station[at]], end[station[at]]), x
+        return np.clip(full, begin, end)[told], x[told]
 
     def _full_at(self, rate: float, q: float) -> float:
         """Where V = 1 for a deviation with form q: the demand is the largest there, or at the nearest θ there is."""
@@ -367,6 +414,8 @@ class _Task:
         if self.demonstrate is None:
             return empty._replace(inputs=self._best(empty, c))
         inputs = np.asarray(self.demonstrate(theta, x), float)
+        if not np.isfinite(inputs).all():
+            raise InputError(f"demonstrator: expected finite inputs, got {np.sum(~np.isfinite(inputs))} that are not")
         if inputs.shape != empty.inputs.shape or not (np.abs(inputs - self.middle) <= self.half * (1 + 1e-9)).all():
             raise InputError(
                 f"demonstrator: expected inputs within the problem's box, of shape {empty.inputs.shape}, got shape "
@@ -433,22 +482,39 @@ class _Task:
         return tried[np.arange(len(inputs)), best]
 
     def _near_obstacles(self, c: Float[np.ndarray, " r"]) -> Polytope:
-        """Where the funnel reaches over the best of an obstacle's half-planes: V > 1 at the farthest points."""
+        """Where the funnel reaches over all half-planes of an obstacle's fan: it has to keep to the best of them.
+
+        Along n the footprint's disc comes as far as reach(M) = √(mᵀM⁻¹m) + swing (M⁻¹)_αα with M = C/ρ(θ), convex in M:
+        reach(M) ≤ gap implies reach(M_c) + ∇reach(M_c) · (M − M_c) ≤ gap, a half-space of (C, ρ). At c it is broken by
+        as much as c reaches too far.
+        """
         theta, gap, reach, swing = map(np.asarray, self.instance.clearance)
         if not len(theta):
             return Polytope(np.zeros((0, len(c))), np.zeros(0))
+        level = np.asarray(self.template.level(self.coordinates.change_of(c) / self.coordinates.duration, theta))
         inverse = np.linalg.inv(self.coordinates.shape(c))
-        level = np.array([self.coordinates.level(c, place) for place in theta])
-        wide = np.sqrt(np.einsum("pdi,ij,pdj->pd", reach, inverse, reach))
-        free = gap - CLEAR * (1 + GAP) - (swing * level * inverse[0, 0])[:, None]
-        left = free - np.sqrt(level)[:, None] * wide
+        wide = np.sqrt(level[:, None] * np.einsum("pdi,ij,pdj->pd", reach, inverse, reach))
+        turned = swing * level * inverse[0, 0]
+        free = gap - CLEAR * (1 + GAP)
+        left = free - wide - turned[:, None]
         normal = left.argmax(axis=1)
         rows = np.arange(len(theta))
-        worst = [int(p) for p in np.argsort(left[rows, normal]) if left[p, normal[p]] <= 0][: self.batch]
+        worst = np.array([p for p in np.argsort(left[rows, normal]) if left[p, normal[p]] <= 0][: self.how.batch], int)
         chosen = normal[worst]
-        size = np.maximum(free[worst, chosen], 0.0) / wide[worst, chosen] ** 2
-        points = size[:, None] * np.einsum("ij,kj->ki", inverse, reach[worst, chosen])
-        return self.coordinates.above(points, theta[worst])
+        wide, turned = wide[worst, chosen], turned[worst]
+        # ∇√(mᵀM⁻¹m) = −y yᵀ / 2√(mᵀM⁻¹m) with y = M⁻¹m, and ∇(M⁻¹)_αα = −z zᵀ with z = M⁻¹e_α
+        y = level[worst, None] * (reach[worst, chosen] @ inverse)
+        z = level[worst, None] * inverse[:1]
+        falls = self.coordinates.form(y) / (2 * wide[:, None]) + swing[worst, None] * self.coordinates.form(z)
+        return self.coordinates.cone(falls, 1.5 * wide + 2 * turned - free[worst, chosen], theta[worst])
+
+
+class _Hunted(NamedTuple):
+    """Particles of the falsifier, as `cfjax.falsifier.falsifier.Hunt` has them, of one candidate."""
+
+    points: Float[np.ndarray, "k d"]
+    station: Int[np.ndarray, " k"]
+    margins: Float[np.ndarray, " k"]  # 1/s
 
 
 def _with_one(inputs: Float[np.ndarray, "*batch m"]) -> Float[np.ndarray, "*batch p"]:

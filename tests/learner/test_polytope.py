@@ -1,7 +1,7 @@
 """The polytope learner on funnels: what its half-spaces mean, what it finds, what it says where it finds nothing."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import jax
 import jax.numpy as jnp
@@ -13,13 +13,17 @@ from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Template
 from cfjax.funnel.conditions import chain_excess
 from cfjax.funnel.instance import chain_of
+from cfjax.learner.centre import CentreError
 from cfjax.learner.coefficients import Coordinates
 from cfjax.learner.localise import Ending
-from cfjax.learner.polytope import PolytopeLearned, _Task, best_vertices, dynamics, learn_polytope
+from cfjax.learner.polytope import CHANGES, PolytopeLearned, _Hunted, _Task, best_vertices, dynamics
+from cfjax.learner.polytope import learn_polytope as learn
+from cfjax.options import Elimination
 from cfjax.problem import (
     Box,
     Disc,
     Ellipsoid,
+    FootprintDisc,
     Interval,
     Method,
     Path,
@@ -35,6 +39,8 @@ from cfjax.problem import (
 from cfjax.problem.path import Pose
 
 
+REVISED = "revised"
+ONCE = Elimination(climb=False)
 S = Box((1.0, 1.0, 1.0, 3.0))
 CIRCLE = Problem(circle(), safe=S)
 TEMPLATE = {name: pytest.param(template, id=name) for name, template in TEMPLATES.items()}
@@ -68,7 +74,7 @@ def no_feedback(theta: np.ndarray, x: np.ndarray) -> np.ndarray:
 def coordinates(problem: Problem, template: Template, change: float = 1.0, **options: float) -> Coordinates:
     chain = chain_of(problem, template, 0.9)
     found = Coordinates.of(
-        problem, template, chain, 0.9, options.get("beta_inner"), None if template.name == "paper" else change
+        template, chain, 0.9, options.get("beta_inner"), None if template.name == "paper" else change
     )
     assert found is not None
     return found
@@ -103,7 +109,7 @@ def test_coefficients_stand_for_a_funnel(template: Template) -> None:
         x = 0.3 * rng.normal(size=(5, 4))
         theta = rng.uniform(0, space.duration, 5)
         chain = chain_of(CIRCLE, template, 0.9, beta_inner)
-        task = _Task(CIRCLE, template, chain, space, feedback(CIRCLE), 0.3, 8, False, False, 0)
+        task = _Task(CIRCLE, template, chain, space, feedback(CIRCLE), ONCE, 0.3, 0)
         new = task._demonstrated(theta, x, c)
         point = CIRCLE.path.curve[0].point(0.0)
         for k, (slack, y, t, u) in enumerate(zip(task._falling(new).slack(c), x, theta, new.inputs, strict=True)):
@@ -149,6 +155,46 @@ def test_the_box_holds_every_funnel_and_no_cut_takes_one(template: Template) -> 
     assert seen > 100
 
 
+def drawn_between(least: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """Random symmetric matrices between `least` and 1, up to the edge: no word about a box of entries."""
+    rng = np.random.default_rng(seed)
+    root = np.sqrt(1 - least)
+    found = []
+    for _ in range(count):
+        turn, _ = np.linalg.qr(rng.normal(size=(4, 4)))
+        values = rng.choice([1e-3, 0.5, 1 - 1e-3], 4) * rng.uniform(0.9, 1.0, 4)
+        found.append(np.diag(least) + root[:, None] * (turn * values @ turn.T) * root)
+    return np.array(found)
+
+
+def entries_of(matrix: np.ndarray) -> np.ndarray:
+    rows, columns = np.triu_indices(4)
+    return matrix[rows, columns] * np.where(rows == columns, 1.0, math.sqrt(2))
+
+
+def test_the_box_says_no_more_than_the_conditions() -> None:
+    """S binds, entry by entry: C' off the diagonal may be larger than a matrix bound of that size would allow."""
+    problem = Problem(straight(), inlet=ball(0.5), goal=ball(0.5), safe=S)
+    space = coordinates(problem, TEMPLATES["contracting"], change=2.0)
+    counterexample = np.diag([0.57, 0.57, 0.57, 0.5])
+    counterexample[0, 1] = counterexample[1, 0] = 0.41
+    kept = [
+        c
+        for c in map(entries_of, [counterexample, *drawn_between(np.full(4, math.exp(-2)), 400, 7)])
+        if excess(problem, space.funnel(c)) < -1e-5
+    ]
+    assert len(kept) > 20 and kept[0][1] == pytest.approx(0.41 * math.sqrt(2))
+    for c in kept:
+        assert (space.lower <= c).all() and (c <= space.upper).all()
+        assert len(space.broken(c)) == 0
+    # S binds: some have nearly the least diagonal entries that it leaves
+    assert (np.array(kept) - space.lower)[:, [0, 4, 7]].min() < 0.15
+    # and nothing is wider than it needs to be: the entries of matrices between the bounds reach the box's sides
+    reached = np.abs([entries_of(m) for m in drawn_between(np.full(4, math.exp(-2)), 4000, 8)]).max(axis=0)
+    off = [1, 2, 3, 5, 6, 8]
+    assert (reached[off] >= 0.85 * space.upper[off]).all()
+
+
 def test_units_do_not_matter() -> None:
     """I, G and S scaled: the same coefficients for the scaled C."""
     space = coordinates(CIRCLE, TEMPLATES["paper"])
@@ -165,12 +211,19 @@ def test_units_do_not_matter() -> None:
     np.testing.assert_allclose(other.shape(c), space.shape(c) / np.outer(scale, scale))
 
 
+def learn_polytope(problem: Problem, template: Template, **options: object) -> PolytopeLearned:
+    """Options of the search and of the learner in one; without climbing unless told."""
+    names = {field.name for field in fields(Elimination)}
+    how = replace(ONCE, **{name: value for name, value in options.items() if name in names})
+    return learn(problem, template, how, **{name: value for name, value in options.items() if name not in names})
+
+
 def check_found(problem: Problem, found: PolytopeLearned, margin: float) -> None:
     assert found.learned is not None and found.funnels is not None, found.message
     assert found.learned.margin >= margin * (1 - 1e-3)
     assert found.learned.excess < 0
     assert excess(problem, found.funnels[0]) == pytest.approx(found.learned.excess, abs=1e-9)
-    assert found.iterations <= found.bound + 1
+    assert all(run.candidates <= run.search.bound for run in found.runs)
 
 
 @pytest.fixture(scope="module")
@@ -195,21 +248,21 @@ def test_the_papers_way_finds_the_circle(batched: PolytopeLearned) -> None:
     # 10 entries of C and c0, in the box of [lower, upper]
     width = np.array([1 - 0.25] * 3 + [1 - 1 / 36] + [math.sqrt(2)] * 6 + [0.88 - 1e-3])
     ball_ = math.exp((np.log(width).sum() - 5.5 * math.log(math.pi) + math.lgamma(6.5)) / 11)
-    assert batched.bound == math.floor(11 * math.log(ball_ / 0.01) / -math.log(1 - 1 / 11))
+    assert run.search.bound == math.ceil(11 * math.log(ball_ / 0.01) / -math.log(1 - 1 / 11))
 
 
 def test_one_at_a_time_takes_more_candidates(batched: PolytopeLearned) -> None:
     single = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrate=feedback(CIRCLE), batch=1)
     check_found(CIRCLE, single, 0.04)
-    assert single.demonstrations <= single.iterations
+    assert single.runs[0].demonstrations <= single.iterations
     assert single.iterations >= batched.iterations
 
 
 @pytest.mark.parametrize("centre", ["analytic", "chebyshev"])
 def test_other_centres(centre: str) -> None:
-    options = {"margin": 0.03, "delta": 0.001, "demonstrate": feedback(CIRCLE)}
+    options = {"margin": 0.02, "delta": 0.001, "demonstrate": feedback(CIRCLE)}
     found = learn_polytope(CIRCLE, TEMPLATES["paper"], centre=centre, **options)
-    check_found(CIRCLE, found, 0.03)
+    check_found(CIRCLE, found, 0.02)
 
 
 def test_rates_are_tried_one_by_one() -> None:
@@ -230,29 +283,35 @@ def test_climbing_asks_the_same_demonstrations_for_more(batched: PolytopeLearned
     (run,) = found.runs
     assert run.search.ending is Ending.TOO_SMALL
     assert found.learned is not None and run.asked > found.learned.margin
-    assert f"no 0.01-robust candidate of margin {run.asked:.4g} 1/s is compatible with these" in found.message
+    assert f"no 0.01-robust candidate of margin {run.asked:.4g} 1/s with c0 T from 0.001 to 0.88" in found.message
+    assert f"compatible with these {run.demonstrations} demonstrations ({run.search.cuts} cuts, at" in found.message
 
 
 def test_what_no_feedback_cannot_do_is_said_within_the_bound() -> None:
     found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.05, demonstrate=no_feedback)
     assert found.learned is None and found.funnels is None
     (run,) = found.runs
-    assert run.search.ending is Ending.TOO_SMALL and run.search.cuts <= run.search.bound + 1
-    assert f"no 0.01-robust candidate of margin 0.05 1/s is compatible with these {run.demonstrations}" in found.message
+    assert run.search.ending is Ending.TOO_SMALL and run.search.cuts <= run.search.bound
+    assert "no 0.01-robust candidate of margin 0.05 1/s with c0 T from 0.001 to 0.88 is" in found.message
+    assert f"compatible with these {run.demonstrations} demonstrations ({run.search.cuts} cuts, at" in found.message
 
 
 def test_revised_demonstrations_need_not_be_good() -> None:
     """From the same useless demonstrations: inputs chosen anew for the candidates."""
-    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.02, demonstrate=no_feedback, revise=True)
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.02, demonstrate=no_feedback, demonstrations=REVISED)
     check_found(CIRCLE, found, 0.02)
     (run,) = found.runs
     assert np.ptp(run.witnesses.inputs, axis=0).max() > 0
 
 
 def test_revised_demonstrations_show_nothing_where_nothing_is_found() -> None:
-    found = learn_polytope(CIRCLE, TEMPLATES["contracting"], margin=30.0, changes=(1.0,), revise=True)
+    found = learn_polytope(CIRCLE, TEMPLATES["contracting"], margin=30.0, changes=(1.0,), demonstrations=REVISED)
     assert found.learned is None
     assert "nothing is shown" in found.message and "compatible" not in found.message
+    assert "of margin 30 1/s (at V = 0.9, 33.33 1/s at V = 1) at rate 0.167/T" not in found.message
+    assert "margin 30 1/s (at V = 0.9, 33.33 1/s at V = 1) at rate 1/T" in found.message
+    assert found.message.endswith("no other rates were tried")
+    assert found.runs[0].figures()["bound"] is None
 
 
 def test_tracking_and_a_speed_that_varies() -> None:
@@ -279,7 +338,7 @@ def test_an_obstacle_beside_the_road() -> None:
     assert found.funnels is not None
     chain = chain_of(problem, TEMPLATES["contracting"], 0.9)
     space = coordinates(problem, TEMPLATES["contracting"])
-    task = _Task(problem, TEMPLATES["contracting"], chain, space, feedback(problem), 0.3, 8, False, False, 0)
+    task = _Task(problem, TEMPLATES["contracting"], chain, space, feedback(problem), ONCE, 0.3, 0)
     wide = space.form(np.eye(4) * problem.inlet.half_axes).sum(axis=0) * (0.5 / 0.8) ** 2
     np.testing.assert_allclose(space.shape(wide), np.eye(4) / 0.8**2, atol=1e-12)
     cuts = task._near_obstacles(wide)
@@ -288,6 +347,110 @@ def test_an_obstacle_beside_the_road() -> None:
     rows, columns = np.triu_indices(4)
     narrow = entries[rows, columns] * np.where(rows == columns, 1.0, math.sqrt(2))
     assert len(task._near_obstacles(narrow)) == 0
+
+
+@pytest.mark.parametrize("template", TEMPLATE.values())
+def test_half_planes_beside_obstacles_bind_all_funnels_alike(template: Template) -> None:
+    """Whoever keeps to the half-plane that was chosen for another funnel satisfies the cut; the other one does not."""
+    problem = Problem(
+        straight(), obstacles=(Disc(1.0, 0.92, 0.3),), footprint=(FootprintDisc(0.2, 0.15), FootprintDisc(0.2, -0.15))
+    )
+    space = coordinates(problem, template)
+    task = _Task(problem, template, chain_of(problem, template, 0.9), space, None, ONCE, 0.3, 0)
+    _, gap, reach, swing = (np.asarray(part) for part in task.instance.clearance)
+    theta = np.asarray(task.instance.clearance.theta)
+    assert swing.max() > 0  # turning counts
+    rng = np.random.default_rng(11)
+    narrow, wide = (drawn_between(np.full(4, least), 150, 12) for least in (0.3, 0.01))
+    last = [[rng.uniform(0.01, 0.88)] if space.free_rate else [] for _ in range(300)]
+    drawn = [np.append(entries_of(m), c0) for m, c0 in zip([*narrow, *wide], last, strict=True)]
+
+    def room(c: np.ndarray) -> np.ndarray:
+        """Between funnel and half-plane, at each place for each normal: by sampling nothing, in closed form."""
+        rate = space.change_of(c) / space.duration
+        inverse, level = np.linalg.inv(space.shape(c)), np.asarray(template.level(rate, theta))[:, None]
+        along = np.sqrt(level * np.einsum("pdi,ij,pdj->pd", reach, inverse, reach))
+        return gap - along - swing[:, None] * level * inverse[0, 0]
+
+    rooms = np.array([room(c) for c in drawn])
+    seen, tight = 0, np.inf
+    for c, own in zip(drawn, rooms, strict=True):
+        cuts = task._near_obstacles(c)
+        if not len(cuts):
+            assert own.max(axis=1).min() > 1e-3
+            continue
+        normal = own.argmax(axis=1)
+        worst = np.argsort(own.max(axis=1))[: len(cuts)]
+        assert (cuts.slack(c) < 0).all()
+        for row, place in enumerate(worst):
+            keeps = rooms[:, place, normal[place]] > 1e-3 * (1 + 1e-5)
+            slack = cuts.offsets[row] - np.array(drawn) @ cuts.normals[row]
+            assert (slack[keeps] >= 0).all()
+            seen += int(keeps.sum())
+            tight = min(tight, float(slack[keeps].min(initial=np.inf)))
+    assert seen > 500 and tight < 0.3
+
+
+def test_half_planes_are_counted_among_what_was_chosen() -> None:
+    problem = Problem(straight(), obstacles=(Disc(1.0, 0.9, 0.3),))
+    found = learn_polytope(
+        problem, TEMPLATES["contracting"], margin=20.0, demonstrate=feedback(problem), changes=(1.0,), delta=0.05
+    )
+    (run,) = found.runs
+    assert found.learned is None and run.half_planes > 0 and run.search.ending is Ending.TOO_SMALL
+    assert f"{run.demonstrations} demonstrations and {run.half_planes} half-planes beside obstacles" in found.message
+    assert run.figures()["half_planes"] == run.half_planes
+
+
+def test_growing_funnels_are_tried_where_they_may() -> None:
+    problem = Problem(straight(), inlet=ball(0.3), goal=ball(0.8), safe=S)
+    found = learn_polytope(problem, TEMPLATES["contracting"], margin=40.0, demonstrate=feedback(problem), delta=0.3)
+    assert [run.change for run in found.runs] == list(CHANGES) and min(CHANGES) == -1.0
+    found = learn_polytope(
+        problem, TEMPLATES["contracting"], margin=0.1, demonstrate=feedback(problem), changes=(-1.0,)
+    )
+    check_found(problem, found, 0.1)
+    assert found.funnels is not None and found.funnels[0].end_level > 1
+
+
+def test_what_holds_a_funnel_back_is_known_from_the_hunt_that_accepted_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Climbing needs no second hunt: the worst points are those of the first."""
+    space = coordinates(CIRCLE, TEMPLATES["paper"])
+    chain = chain_of(CIRCLE, TEMPLATES["paper"], 0.9)
+    task = _Task(CIRCLE, TEMPLATES["paper"], chain, space, feedback(CIRCLE), Elimination(), 0.05, 0)
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(20, 5))
+    points[:, -1] = 0.5
+    quiet = _Hunted(points, np.zeros(20, int), np.linspace(0.1, 0.2, 20))
+    hunts = iter([quiet] * 5)
+    monkeypatch.setattr(_Task, "_particles", lambda *_: next(hunts))
+    c = entries_of(0.5 * np.eye(4))
+    reply = task(np.append(c, 0.7))
+    assert task.best[0] == 0.1 and task.asked == pytest.approx(0.105)
+    assert 1 <= len(task.witnesses.theta) <= 8 and len(reply.cuts) == len(task.witnesses.theta)
+
+
+def test_a_candidate_without_a_margin_is_no_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lost particles have no deviation: none goes to the demonstrator, and the search says that it failed."""
+
+    def demonstrate(theta: np.ndarray, x: np.ndarray) -> np.ndarray:
+        assert np.isfinite(x).all() and np.isfinite(theta).all()
+        return feedback(CIRCLE)(theta, x)
+
+    lost = _Hunted(np.full((20, 5), np.nan), np.zeros(20, int), np.full(20, -np.inf))
+    monkeypatch.setattr(_Task, "_particles", lambda *_: lost)
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrate=demonstrate)
+    assert found.learned is None and found.runs[0].search.ending is Ending.SOLVER
+    assert "failed numerically" in found.message and "nothing is shown" in found.message
+
+
+def test_a_revision_without_a_centre_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(polytope: object) -> object:
+        raise CentreError("no")
+
+    monkeypatch.setattr("cfjax.learner.polytope.largest_ball", none)
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrations=REVISED)
+    assert found.learned is None and found.runs[0].search.ending is Ending.SOLVER
 
 
 def test_dynamics_of_any_number_of_points() -> None:
@@ -303,18 +466,23 @@ def test_dynamics_of_any_number_of_points() -> None:
 def test_what_cannot_be_asked_is_refused() -> None:
     paper = TEMPLATES["paper"]
     with pytest.raises(InputError, match="a path, got a tube"):
-        learn_polytope(Problem(tube(), goal=ball(0.6)), paper, margin=0.1, revise=True)
+        learn_polytope(Problem(tube(), goal=ball(0.6)), paper, margin=0.1, demonstrations=REVISED)
     both = Path("both", (*circle().segments, *circle(radius=2.0).segments))
     with pytest.raises(InputError, match="learner=polytope: expected one distinct segment, got 2"):
-        learn_polytope(Problem(both, safe=S), paper, margin=0.1, revise=True)
-    for options in ({"margin": 0.0}, {"centre": "middle"}, {"delta": 0.0}, {"batch": 0}, {"revise": False}):
-        with pytest.raises(InputError):
-            learn_polytope(CIRCLE, paper, **{"margin": 0.1, "revise": True, **options})
+        learn_polytope(Problem(both, safe=S), paper, margin=0.1, demonstrations=REVISED)
+    with pytest.raises(InputError, match="expected revised where no demonstrator is given"):
+        learn_polytope(CIRCLE, paper, margin=0.1)
     with pytest.raises(InputError, match="inputs within the problem's box"):
         learn_polytope(CIRCLE, paper, margin=0.1, demonstrate=lambda theta, x: np.full((len(x), 3), 9.0))
+    with pytest.raises(InputError, match="expected finite inputs, got 24 that are not"):
+        learn_polytope(CIRCLE, paper, margin=0.1, demonstrate=lambda theta, x: np.full((8, 3), np.nan))
+    touched = Problem(straight(), obstacles=(Disc(1.0, 0.5505, 0.3),))
+    with pytest.raises(InputError, match="between them and the body on the reference itself"):
+        learn_polytope(touched, paper, margin=0.1, demonstrations=REVISED)
     nowhere = Problem(circle(), inlet=ball(0.5), goal=ball(0.05), safe=S)
-    found = learn_polytope(nowhere, TEMPLATES["contracting"], margin=0.1, revise=True)
-    assert found.learned is None and found.message == "no rate of those tried leaves room between I and G"
+    found = learn_polytope(nowhere, TEMPLATES["contracting"], margin=0.1, demonstrations=REVISED)
+    assert found.learned is None and not found.runs
+    assert found.message.startswith("(a)–(c) leave no room at rate 0.3/T, 0.6/T, ")
 
 
 def test_a_chain_of_equal_segments_is_one() -> None:
