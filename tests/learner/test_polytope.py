@@ -13,9 +13,9 @@ from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Template
 from cfjax.funnel.conditions import chain_excess
 from cfjax.funnel.instance import chain_of
-from cfjax.learner.centre import CentreError
+from cfjax.learner.centre import CentreError, Polytope
 from cfjax.learner.coefficients import Coordinates
-from cfjax.learner.localise import Ending
+from cfjax.learner.localise import Ending, Localised, Step
 from cfjax.learner.polytope import CHANGES, PolytopeLearned, _Hunted, _Task, best_vertices, dynamics
 from cfjax.learner.polytope import learn_polytope as learn
 from cfjax.options import Elimination
@@ -442,6 +442,24 @@ def test_a_candidate_without_a_margin_is_no_question(monkeypatch: pytest.MonkeyP
     found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrate=demonstrate)
     assert found.learned is None and found.runs[0].search.ending is Ending.SOLVER
     assert "failed numerically" in found.message and "nothing is shown" in found.message
+
+
+def test_messages_say_how_a_search_ended() -> None:
+    """With revised demonstrations too a limit is none of room; other centres have a limit and no bound."""
+    space = coordinates(CIRCLE, TEMPLATES["paper"])
+    chain = chain_of(CIRCLE, TEMPLATES["paper"], 0.9)
+    history = (Step(0.0, 0.1, 22, 1),) * 5
+
+    def said(ending: Ending, how: Elimination) -> str:
+        task = _Task(CIRCLE, TEMPLATES["paper"], chain, space, None, how, 0.05, 0)
+        left = Polytope.box(space.lower, space.upper)
+        return task.run(Localised(ending, None, left, 5, 0.02, history)).message
+
+    revised = replace(ONCE, demonstrations=REVISED)
+    assert "ended after 5 cuts, its limit; nothing is shown" in said(Ending.LIMIT, revised)
+    assert "without room for a ball of 0.01; demonstrations were revised" in said(Ending.TOO_SMALL, revised)
+    assert said(Ending.TOO_SMALL, replace(ONCE, centre="analytic")).endswith("(5 cuts, limit 5, no bound)")
+    assert said(Ending.TOO_SMALL, ONCE).endswith("(5 cuts, at most 5)")
 
 
 def test_a_revision_without_a_centre_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
