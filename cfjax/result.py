@@ -1,12 +1,13 @@
 """What a synthesis returns: one typed object with verdict, message, funnels, margins and statistics."""
 
+import itertools
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from cfjax.funnel import Funnel
+from cfjax.funnel import Funnel, Leg
 from cfjax.problem import Problem, Tube
 from cfjax.verdict import Verdict
 
@@ -92,6 +93,17 @@ class Result:
     def margin_falsified(self) -> float | None:
         """The smallest over the segments, 1/s."""
         return min((segment.margin_falsified for segment in self.segments), default=None)
+
+    @property
+    def legs(self) -> list[Leg]:
+        """Where along the path each funnel holds, a segment or a stretch in one tube; of a path that is no tube."""
+        ends = itertools.accumulate(segment.duration for segment in self.problem.path.segments)
+        spans = [found.span for found in self.segments]
+        until = [span[1] for span in spans if span] or list(ends)
+        return [
+            Leg(end, found.funnel, found.margin_certified or 0.0, (found.margin_per_metre or 0.0) if found.span else 0.0)
+            for end, found in zip(until, self.segments, strict=True)
+        ]
 
     def replace(self, **changes: Any) -> "Result":
         """The same result with some fields changed."""

@@ -1,6 +1,5 @@
 """From a problem to a certified funnel: learner ⇄ falsifier, then certificate; then cars through it."""
 
-import itertools
 import os
 import sys
 import time
@@ -20,7 +19,7 @@ from cfjax.learner import Learned, learn_for, learn_polytope
 from cfjax.options import Options, Progress, check_question
 from cfjax.problem import Path, Problem
 from cfjax.result import Result, SegmentResult
-from cfjax.simulation import Leg, drive_cars, drive_tube_cars
+from cfjax.simulation import drive_cars, drive_tube_cars
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
 from cfjax.verdict import Verdict
 
@@ -115,7 +114,7 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
             margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
             loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, **how_many)
         else:
-            loop, cars = drive_cars(result.problem, _legs(result), **how_many)
+            loop, cars = drive_cars(result.problem, result.legs, **how_many)
         result = result.replace(closed_loop=loop, rollouts=(cars,))
         progress("simulate", 1, 1)
     except Exception as error:
@@ -124,17 +123,6 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     return result.replace(
         seconds={**result.seconds, "simulate": spent, "total": result.seconds.get("total", 0.0) + spent}
     )
-
-
-def _legs(result: Result) -> list[Leg]:
-    """Where each funnel holds: a segment of the path, or a stretch in one tube."""
-    ends = itertools.accumulate(segment.duration for segment in result.problem.path.segments)
-    spans = [found.span for found in result.segments]
-    until = [span[1] for span in spans if span] or list(ends)
-    return [
-        Leg(end, found.funnel, found.margin_certified or 0.0, (found.margin_per_metre or 0.0) if found.span else 0.0)
-        for end, found in zip(until, result.segments, strict=True)
-    ]
 
 
 def _silent(stage: str, done: int, of: int) -> None:
@@ -279,7 +267,7 @@ class _Search:
             # a stretch that proves what is wanted, or nearly what was not refuted, needs not be cut
             share = GOOD_SHARE if all(segment.is_steady for segment in distinct) else CURVED_SHARE
             wanted = self.options.objective.margin
-            target = share * learned.margin if wanted is None else wanted
+            target = share * learned.margin if wanted is None else min(wanted, learned.margin)
             found = certify(self.problem, learned.funnels, target=target, progress=self.progress, workers=_cores())
         results, suspects = [], list(found.suspects)
         with self.timed("learn"):
