@@ -100,9 +100,10 @@ class Result:
         ends = itertools.accumulate(segment.duration for segment in self.problem.path.segments)
         spans = [found.span for found in self.segments]
         until = [span[1] for span in spans if span] or list(ends)
+        per_metre = [(found.margin_per_metre or 0.0) if found.span else 0.0 for found in self.segments]
         return [
-            Leg(end, found.funnel, found.margin_certified or 0.0, (found.margin_per_metre or 0.0) if found.span else 0.0)
-            for end, found in zip(until, self.segments, strict=True)
+            Leg(end, found.funnel, found.margin_certified or 0.0, way)
+            for end, found, way in zip(until, self.segments, per_metre, strict=True)
         ]
 
     def replace(self, **changes: Any) -> "Result":

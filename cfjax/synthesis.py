@@ -108,13 +108,12 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     started = time.perf_counter()
     progress("simulate", 0, 1)
     try:
-        how_many = {"cars": options.cars, "seed": options.seed}
         if result.problem.path.tube:
             (found,) = result.segments
             margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
-            loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, **how_many)
+            loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, cars=options.cars, seed=options.seed)
         else:
-            loop, cars = drive_cars(result.problem, result.legs, **how_many)
+            loop, cars = drive_cars(result.problem, result.legs, cars=options.cars, seed=options.seed)
         result = result.replace(closed_loop=loop, rollouts=(cars,))
         progress("simulate", 1, 1)
     except Exception as error:

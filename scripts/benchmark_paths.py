@@ -87,7 +87,7 @@ def main() -> int:
 def draw(curves: dict[str, list[tuple[int, float]]], picture: Path) -> None:
     """Total and proof of each way, with a line of slope one beside them."""
     import matplotlib.pyplot as plt
-    from matplotlib.ticker import ScalarFormatter
+    from matplotlib.ticker import NullLocator, ScalarFormatter
 
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
     for index, way in enumerate(dict.fromkeys(name.split(":")[0] for name in curves)):
@@ -101,7 +101,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], picture: Path) -> None:
     for axis, ticks in ((axes.xaxis, [1, 2, 4, 8, 16]), (axes.yaxis, [1, 10, 100, 1000])):
         axis.set_major_formatter(ScalarFormatter())
         axis.set_ticks(ticks)
-        axis.set_minor_locator(plt.NullLocator())
+        axis.set_minor_locator(NullLocator())
     axes.grid(alpha=0.3)
     figure.legend(loc="outside right upper", frameon=False)
     figure.savefig(picture, dpi=130)
