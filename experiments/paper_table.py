@@ -86,6 +86,7 @@ def run(row: str, template: str, method: str, learner: str, cars: int) -> Line:
     problem = problem_of(config)
     result = synthesize(problem, options_of(config))
     found = paper_found(problem, problem_of(preset(name)))
+    runs = result.search.get("runs", [{"candidates": result.search.get("candidates", 0)}])  # one for each rate
     certified, falsified, loop = result.margin_certified, result.margin_falsified, result.closed_loop
     return Line(
         row=row,
@@ -100,8 +101,8 @@ def run(row: str, template: str, method: str, learner: str, cars: int) -> Line:
         cars_lost=max(loop.left_funnel, loop.left_safe, loop.missed_goal) if loop else None,
         paper={True: "found", False: "not found", None: "–"}[found],
         agreement=agreement(result.verdict, found) if template == "paper" else "",
-        candidates=result.search.get("candidates", 0),
-        demonstrations=result.search.get("demonstrations"),
+        candidates=sum(run["candidates"] for run in runs),
+        demonstrations=sum(run["demonstrations"] for run in runs) if learner != "gradient" else None,
         seconds=time.perf_counter() - start,
     )
 
