@@ -10,14 +10,14 @@ from scipy.integrate import solve_ivp
 from cfjax.check.handover import Run, hands_over, needed_distance, prove_chain
 from cfjax.check.rational import rational
 from cfjax.check.reference import Gap, Reference
-from cfjax.control import min_norm
+from cfjax.control.law import LAW_SHARE
 from cfjax.exact import exact_reference
 from tests.by_hand import ONE, TINY, ZERO, stated, tube
 
 
 def test_level_is_what_the_slowest_descent_leaves() -> None:
     own = tube(margin_per_metre=fmpq(3, 2))
-    beta, rate = 0.25, min_norm.LAW_SHARE * 1.5 / 2  # what the run-time law enforces, at the fastest timing
+    beta, rate = 0.25, LAW_SHARE * 1.5 / 2  # what the run-time law enforces, at the fastest timing
     flow = solve_ivp(
         lambda _, v: -rate * np.minimum(1, v / beta), (0, 3), [1.0], rtol=1e-10, atol=1e-12, dense_output=True
     )
