@@ -151,8 +151,8 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
     problem = replace(problem, path=Path("varying", (varying,)))
     asked: list[int] = []
 
-    def planned(*given: object) -> Plan:
-        asked.append(int(given[-1]))  # type: ignore[call-overload]
+    def planned(problem: Problem, segment: Segment, funnel: Funnel, target: float, spare: float, most: int) -> Plan:
+        asked.append(most)
         return Plan((CELLS,), 0.0)
 
     def never(*_: object) -> StretchProof:
