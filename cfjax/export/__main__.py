@@ -11,7 +11,8 @@ from pathlib import Path
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m cfjax.export", description="Write the controller of a certified run as one C99 header and source."
+        prog="python -m cfjax.export",
+        description="Write the controller of a certified run as one C99 header and source.",
     )
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder")
     parser.add_argument("--output", metavar="DIR", type=Path, help="where to write; default: FOLDER/controller")

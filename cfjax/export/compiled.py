@@ -7,6 +7,7 @@ import ctypes
 import os
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,19 @@ def compile_controller(folder: Path, *flags: str, main: Path | None = None) -> P
         raise RuntimeError("no C compiler: set CC or install cc")
     target = folder / (main.stem if main else "controller.so")
     kind = [str(main)] if main else ["-shared", "-fPIC"]
-    command = [found, *WARNINGS, "-O2", *flags, *kind, str(folder / SOURCE), "-I", str(folder), "-o", str(target), "-lm"]
+    command = [
+        found,
+        *WARNINGS,
+        "-O2",
+        *flags,
+        *kind,
+        str(folder / SOURCE),
+        "-I",
+        str(folder),
+        "-o",
+        str(target),
+        "-lm",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode or done.stderr:
         raise RuntimeError(f"{' '.join(command)}: {done.stderr}")
@@ -82,6 +95,21 @@ class Controller:
         found = np.full(self._inputs, np.nan)
         status = self._library.cf_inputs(ctypes.c_double(theta), leg, self._pointer(deviation), self._pointer(found))
         return status, found
+
+    def inputs_of_many(self, theta: Numbers, leg: Sequence[int], deviation: Numbers) -> tuple[list[int], Numbers]:
+        """Statuses and rows of inputs, one call after another."""
+        found = np.full((len(theta), self._inputs), np.nan)
+        rows, answers, call = self._pointer(deviation).value, found.ctypes.data, self._library.cf_inputs
+        statuses = [
+            call(
+                ctypes.c_double(at),
+                own,
+                ctypes.c_void_p(rows + i * deviation.strides[0]),
+                ctypes.c_void_p(answers + i * found.strides[0]),
+            )
+            for i, (at, own) in enumerate(zip(theta.tolist(), leg, strict=True))
+        ]
+        return statuses, found
 
     def value(self, theta: float, leg: int, deviation: Numbers) -> float:
         return self._library.cf_value(ctypes.c_double(theta), leg, self._pointer(deviation))

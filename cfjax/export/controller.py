@@ -6,6 +6,7 @@ the input box and the margins.
 """
 
 import hashlib
+import textwrap
 from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -62,7 +63,8 @@ def sources_of(result: Result) -> Sources:
     if result.problem.path.tube:
         raise InputError("export: expected a run of a path, got one of a tube alone, which has no reference to follow")
     fields = {name: _ascii(text) for name, text in {**_names(result), **_tables(result), **_code(result)}.items()}
-    fields["banner"] = "\n".join(f" * {line}".rstrip() for line in _ascii(_banner(result)).splitlines())
+    banner = [line for long in _ascii(_banner(result)).splitlines() for line in textwrap.wrap(long, 116) or [""]]
+    fields["banner"] = "\n".join(f" * {line}".rstrip() for line in banner)
     room = resources.files("cfjax.export")
     source = Text(room.joinpath("controller.c.in").read_text("utf-8"))
     header = Text(room.joinpath("controller.h.in").read_text("utf-8"))
@@ -127,7 +129,9 @@ def _tables(result: Result) -> dict[str, str]:
     problem = result.problem
     vehicle, names = problem.vehicle, _inputs(problem)
     brakes = {name: vehicle.state_names.index(state) for name, state in vehicle.brakes}
-    profiles, poses = (jax.tree.map(np.asarray, pieces) for pieces in (profiles_of(problem.path), poses_of(problem.path)))
+    profiles, poses = (
+        jax.tree.map(np.asarray, pieces) for pieces in (profiles_of(problem.path), poses_of(problem.path))
+    )
     if (poses.origin != poses.begin[:, None]).any():
         raise AssertionError("the pose's cubics count from where they begin")
     legs, begin, duration = [], 0.0, _duration(problem)
@@ -202,7 +206,7 @@ def _banner(result: Result) -> str:
     problem, document = result.problem, result.document or {}
     path, vehicle = problem.path, problem.vehicle
     numbers = ", ".join(f"{name} {value}" for name, value in numbers_of(vehicle).items())
-    laps = "No: the path is open. Past its end the reference goes straight on with its last speed; nothing is proven there."
+    laps = "No: the path is open. Past its end the reference goes straight on with its last speed; nothing is proven."
     if path.closed:
         within = all(a <= b for a, b in zip(problem.goal.half_axes, problem.inlet.half_axes, strict=True))
         laps = (
@@ -212,7 +216,13 @@ def _banner(result: Result) -> str:
         )
     axes = ", ".join(f"{axis:g}" for axis in problem.inlet.half_axes)
     goal = ", ".join(f"{axis:g}" for axis in problem.goal.half_axes)
-    safe = ", ".join(f"{width:g}" for width in problem.safe.half_widths) if problem.safe else "none"
+    kept = []
+    if problem.safe:
+        widths = ", ".join(f"{width:g}" for width in problem.safe.half_widths)
+        kept.append(f"inside the box S (half-widths {widths})")
+    if problem.obstacles:
+        kept.append(f"clear of {len(problem.obstacles)} obstacles")
+    safe = f" On the way V <= 1 is {' and '.join(kept)}." if kept else ""
     margins = ", ".join(f"{leg.margin:g}" for leg in result.legs[:8])
     more = f" and {len(result.legs) - 8} more" if len(result.legs) > 8 else ""
     return f"""cfjax: a controller with a proof. Made by python -m cfjax.export; do not edit.
@@ -226,9 +236,9 @@ margins      {margins}{more} 1/s, one for each leg; the law asks {LAW_SHARE:g} o
 Units: m, s, rad. Heading 0 looks along +y and counts counter-clockwise: x' = -v sin(heading), y' = v cos(heading).
 A deviation is seen from the reference: heading, to its right, ahead, then the internal states.
 
-Guaranteed of the law in continuous time, for the vehicle above: whoever is in V <= 1 stays there up to the path's end.
-I (half-axes {axes}) lies in V <= 1 at the start, V <= 1 lies in G (half-axes {goal}) at the end and
-keeps to the box S (half-widths {safe}){" and clear of the obstacles" if problem.obstacles else ""} on the way.
+Guaranteed of the law in continuous time, for the vehicle above: whoever is in V <= 1 stays there up to the path's end. \
+I (half-axes {axes}) lies in V <= 1 at the start, V <= 1 lies in G (half-axes {goal}) at the end.{safe}
 Lap after lap: {laps}
-The certificate proves it of real numbers; this is floating point, and inputs held for a step are not the law:
-both are paid for by what the margin leaves. Call it often, at least every hundredth of the path's time scale."""
+The certificate speaks of real numbers and of inputs that follow the state at once. What floating point and inputs held \
+for a step take away is not part of it: it has to fit into the {1 - LAW_SHARE:.0%} of the margin that the law does not ask for \
+and into what V loses anyway. Each step says whether V <= 1."""
