@@ -19,7 +19,6 @@ from cfjax.export.controller import SOURCE
 
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror")
 OK, PAST_END, OUTSIDE, BAD_INPUT = range(4)  # cf_status
-Numbers = Float[np.ndarray, "..."]
 
 
 def compiler() -> str | None:
@@ -81,22 +80,26 @@ class Controller:
     def reset(self) -> None:
         self._library.cf_reset(ctypes.byref(self.memory))
 
-    def start(self, state: Numbers) -> int:
+    def start(self, state: Float[np.ndarray, "..."]) -> int:
         return self._library.cf_start(ctypes.byref(self.memory), self._pointer(state))
 
-    def step(self, state: Numbers, dt: float) -> tuple[int, Numbers]:
+    def step(self, state: Float[np.ndarray, "..."], dt: float) -> tuple[int, Float[np.ndarray, "..."]]:
         command = np.full(self._commands, np.nan)
         status = self._library.cf_step(
             ctypes.byref(self.memory), self._pointer(state), ctypes.c_double(dt), self._pointer(command)
         )
         return status, command
 
-    def inputs(self, theta: float, leg: int, deviation: Numbers) -> tuple[int, Numbers]:
+    def inputs(
+        self, theta: float, leg: int, deviation: Float[np.ndarray, "..."]
+    ) -> tuple[int, Float[np.ndarray, "..."]]:
         found = np.full(self._inputs, np.nan)
         status = self._library.cf_inputs(ctypes.c_double(theta), leg, self._pointer(deviation), self._pointer(found))
         return status, found
 
-    def inputs_of_many(self, theta: Numbers, leg: Sequence[int], deviation: Numbers) -> tuple[list[int], Numbers]:
+    def inputs_of_many(
+        self, theta: Float[np.ndarray, "..."], leg: Sequence[int], deviation: Float[np.ndarray, "..."]
+    ) -> tuple[list[int], Float[np.ndarray, "..."]]:
         """Statuses and rows of inputs, one call after another."""
         found = np.full((len(theta), self._inputs), np.nan)
         rows, answers, call = self._pointer(deviation).value, found.ctypes.data, self._library.cf_inputs
@@ -111,16 +114,16 @@ class Controller:
         ]
         return statuses, found
 
-    def value(self, theta: float, leg: int, deviation: Numbers) -> float:
+    def value(self, theta: float, leg: int, deviation: Float[np.ndarray, "..."]) -> float:
         return self._library.cf_value(ctypes.c_double(theta), leg, self._pointer(deviation))
 
-    def deviation(self, theta: float, state: Numbers) -> Numbers:
+    def deviation(self, theta: float, state: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
         found = np.full(self._states, np.nan)
         self._library.cf_deviation(ctypes.c_double(theta), self._pointer(state), self._pointer(found))
         return found
 
     @staticmethod
-    def _pointer(values: Numbers) -> Any:
+    def _pointer(values: Float[np.ndarray, "..."]) -> Any:
         if values.dtype != np.float64 or not values.flags.c_contiguous:
             raise TypeError(f"expected contiguous doubles, got {values.dtype}")
         return ctypes.c_void_p(values.ctypes.data)

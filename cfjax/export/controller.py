@@ -114,7 +114,7 @@ def _names(result: Result) -> dict[str, str]:
         "state_units": ", ".join(("heading (rad, 0 looks along +y, counter-clockwise)", "x, y (m)", *internal)),
         "input_list": ", ".join(_inputs(problem)),
         "command_list": "; ".join(vehicle.command_names),
-        "safe": "; ".join(safe) + ".",
+        "safe": "\n".join(f" *   {each}" for each in safe),
         "rate_name": _template(result).rate_name,
         "share": f"{LAW_SHARE:g}",
     }
@@ -201,19 +201,25 @@ def _indented(lines: Sequence[str]) -> str:
     return "\n".join(INDENT + line for line in lines)
 
 
+def _laps(result: Result) -> str:
+    """Whether one lap proves the next: V ≤ 1 at the end has to lie in V ≤ 1 at the start; numbers compared, no more."""
+    problem, first, last = result.problem, result.legs[0].funnel, result.legs[-1].funnel
+    if not problem.path.closed:
+        return (
+            "No: the path is open. Past its end the reference goes straight on; nothing is proven there."
+        )
+    if all(a <= b for a, b in zip(problem.goal.half_axes, problem.inlet.half_axes, strict=True)):
+        return "Yes: G lies in I, so that each lap begins as the first one."
+    if np.array_equal(first.shape, last.shape) and last.rate >= 0:
+        return "Yes: the last funnel is the first one, and no wider at the end."
+    return "No: G does not lie in I. The next lap is driven, and each step says whether V <= 1."
+
+
 def _banner(result: Result) -> str:
     """What the controller is, and what is guaranteed of it."""
     problem, document = result.problem, result.document or {}
     path, vehicle = problem.path, problem.vehicle
     numbers = ", ".join(f"{name} {value}" for name, value in numbers_of(vehicle).items())
-    laps = "No: the path is open. Past its end the reference goes straight on with its last speed; nothing is proven."
-    if path.closed:
-        within = all(a <= b for a, b in zip(problem.goal.half_axes, problem.inlet.half_axes, strict=True))
-        laps = (
-            "Yes: G lies in I, so that each lap begins as the first one."
-            if within
-            else "No: G does not lie in I. The next lap is driven, and each step says whether V <= 1."
-        )
     axes = ", ".join(f"{axis:g}" for axis in problem.inlet.half_axes)
     goal = ", ".join(f"{axis:g}" for axis in problem.goal.half_axes)
     kept = []
@@ -236,9 +242,9 @@ margins      {margins}{more} 1/s, one for each leg; the law asks {LAW_SHARE:g} o
 Units: m, s, rad. Heading 0 looks along +y and counts counter-clockwise: x' = -v sin(heading), y' = v cos(heading).
 A deviation is seen from the reference: heading, to its right, ahead, then the internal states.
 
-Guaranteed of the law in continuous time, for the vehicle above: whoever is in V <= 1 stays there up to the path's end. \
-I (half-axes {axes}) lies in V <= 1 at the start, V <= 1 lies in G (half-axes {goal}) at the end.{safe}
-Lap after lap: {laps}
-The certificate speaks of real numbers and of inputs that follow the state at once. What floating point and inputs held \
-for a step take away is not part of it: it has to fit into the {1 - LAW_SHARE:.0%} of the margin that the law does not ask for \
-and into what V loses anyway. Each step says whether V <= 1."""
+Guaranteed of the law in continuous time, for the vehicle above: whoever is in V <= 1 stays there up to the path's \
+end. I (half-axes {axes}) lies in V <= 1 at the start, V <= 1 lies in G (half-axes {goal}) at the end.{safe}
+Lap after lap: {_laps(result)}
+The certificate speaks of real numbers and of inputs that follow the state at once. What floating point and inputs \
+held for a step take away is not part of it: it has to fit into the {1 - LAW_SHARE:.0%} of the margin that the law \
+does not ask for and into what V loses anyway. Each step says whether V <= 1."""

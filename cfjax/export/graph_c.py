@@ -224,7 +224,7 @@ def _operation(pool: Expressions, equation: Any, args: list[Expr], owner: str) -
     if name in NESTED:
         inner = parameters.get("jaxpr") or parameters["call_jaxpr"]
         return _run(pool, inner.jaxpr, inner.consts, args, owner)
-    if name in TRANSPARENT or (name == CAST and parameters["new_dtype"] == float):
+    if name in TRANSPARENT or (name == CAST and str(parameters["new_dtype"]) == "float64"):
         return args
     if name in FORMS or name in LIBRARY:
         return [pool.make(name, *args)]

@@ -29,6 +29,7 @@ from cfjax.problem import (
     ReferencePoint,
     Segment,
     Tube,
+    Twist,
     Vehicle,
     circle,
     deviation_rate,
@@ -389,7 +390,8 @@ int main(void)
     }
     cf_reset(NULL);
     if (cf_start(NULL, state) != CF_BAD_INPUT || cf_start(&controller, NULL) != CF_BAD_INPUT
-        || cf_step(NULL, state, 0.01, command) != CF_BAD_INPUT || cf_step(&controller, NULL, 0.01, command) != CF_BAD_INPUT
+        || cf_step(NULL, state, 0.01, command) != CF_BAD_INPUT
+        || cf_step(&controller, NULL, 0.01, command) != CF_BAD_INPUT
         || cf_step(&controller, state, 0.01, NULL) != CF_BAD_INPUT || cf_inputs(0.0, 0, NULL, inputs) != CF_BAD_INPUT)
         return 3;
     return bad > 0 && bad < step ? 0 : 4;
@@ -455,6 +457,71 @@ def test_files_of_two_exports_do_not_compile(tmp_path: Path) -> None:
     (tmp_path / "cfjax_controller.h").write_text(other.header)
     with pytest.raises(RuntimeError, match="header and source are of two exports"):
         compile_controller(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("case", "goal", "says"),
+    [
+        ("circle", 0.5, "Yes: G lies in I"),
+        ("circle", 0.6, "Yes: the last funnel is the first one"),
+        ("tubes", 0.6, "No: G does not lie in I"),
+        ("mixed", 0.5, "No: the path is open"),
+    ],
+)
+def test_the_header_says_what_is_proven_of_the_next_lap(case: str, goal: float, says: str) -> None:
+    result = CASES[case]()
+    problem = dataclasses.replace(result.problem, goal=cfjax.problem.ball(goal))
+    assert f"Lap after lap: {says}" in sources_of(result.replace(problem=problem)).header
+
+
+@dataclasses.dataclass(frozen=True)
+class Slider(Vehicle):
+    """No internal states at all: turn rate and both velocities are inputs, and one of them is there twice."""
+
+    name = "slider */ of μ"
+    internal_names = ()
+    input_names = ("turn", "lateral", "forward", "more")
+
+    @property
+    def input_box(self) -> tuple[Interval, ...]:
+        return tuple(Interval(-4.0, 4.0) for _ in self.input_names)
+
+    def twist(self, internal: tuple, inputs: tuple) -> Twist:
+        turn, lateral, forward, more = inputs
+        return Twist(turn=turn, lateral=lateral, forward=forward + 2.0 * more)
+
+    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
+        return ()
+
+    def reference(self, turn_rate: object, speed: object) -> tuple[Twist, tuple]:
+        return Twist(turn=turn_rate, lateral=0.0, forward=speed), ()
+
+
+def test_a_vehicle_without_internal_states(tmp_path: Path) -> None:
+    """Its command is its inputs; the safe answer holds them; the feed-forward leaves the second of a pair alone."""
+    three = cfjax.problem.ball(0.5, 3)
+    result = certified(Problem(circle(), three, three, vehicle=Slider()), shape=np.diag([1.6, 2.6, 2.2]))
+    controller = built(result, tmp_path)
+    theta, leg, x = places(result, 2000)
+    inputs, _ = by_jax(result, theta, leg, x)
+    _, found = controller.inputs_of_many(theta, leg.tolist(), x)
+    assert (np.abs(found - inputs) / half_widths(result.problem)).max() < AGREEMENT
+    _, command = controller.step(np.array([0.1, 1.5, 0.1]), 1e-3)
+    np.testing.assert_array_equal(command, controller.memory.inputs[1:])
+    status, again = controller.step(np.full(3, np.nan), 1e-3)
+    assert status == BAD_INPUT
+    np.testing.assert_array_equal(again, command)
+
+
+def test_operations_that_c_has_not_are_refused_by_name() -> None:
+    class Rounded(Slider):
+        def command(self, inputs: tuple) -> tuple:
+            return tuple(jnp.round(value) for value in inputs)
+
+    three = cfjax.problem.ball(0.5, 3)
+    result = certified(Problem(circle(), three, three, vehicle=Rounded()), shape=np.diag([1.6, 2.6, 2.2]))
+    with pytest.raises(InputError, match="no C for the operation 'round'"):
+        sources_of(result)
 
 
 def test_what_the_source_may_not_do() -> None:
