@@ -205,9 +205,7 @@ def _laps(result: Result) -> str:
     """Whether one lap proves the next: V ≤ 1 at the end has to lie in V ≤ 1 at the start; numbers compared, no more."""
     problem, first, last = result.problem, result.legs[0].funnel, result.legs[-1].funnel
     if not problem.path.closed:
-        return (
-            "No: the path is open. Past its end the reference goes straight on; nothing is proven there."
-        )
+        return "No: the path is open. Past its end the reference goes straight on; nothing is proven there."
     if all(a <= b for a, b in zip(problem.goal.half_axes, problem.inlet.half_axes, strict=True)):
         return "Yes: G lies in I, so that each lap begins as the first one."
     if np.array_equal(first.shape, last.shape) and last.rate >= 0:
