@@ -14,6 +14,8 @@ import abc
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+import jax.numpy as jnp
+
 from cfjax.errors import InputError
 
 
@@ -75,6 +77,24 @@ class Vehicle(abc.ABC):
     def reference(self, turn_rate: Scalar, speed: Scalar) -> tuple[Twist, tuple]:
         """Body twist and internal states of the vehicle that moves along the path (turn rate rad/s, speed m/s)."""
 
+    def command(self, inputs: tuple) -> tuple:
+        """What the actuators are told, in the order of `command_names`: the inputs themselves unless a vehicle says."""
+        return inputs
+
+    @property
+    def command_names(self) -> tuple[str, ...]:
+        """Names of the physical command's entries, each with its unit where it is no input itself."""
+        return self.input_names
+
+    @property
+    def brakes(self) -> tuple[tuple[str, str], ...]:
+        """Inputs that bring an internal state to rest, with its name: such an input is that state's very rate.
+
+        A controller that cannot trust what it is told brings them to rest as fast as the box allows, and holds the
+        others as they were.
+        """
+        return ()
+
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the deviation's coordinates: heading, lateral, longitudinal, then the internal states."""
@@ -117,3 +137,16 @@ class KinematicBicycle(Vehicle):
 
     def reference(self, turn_rate: Scalar, speed: Scalar) -> tuple[Twist, tuple]:
         return Twist(turn=turn_rate, lateral=0.0, forward=speed), (speed,)
+
+    def command(self, inputs: tuple) -> tuple:
+        """Steering angle γ = atan w in rad, left positive, and thrust in m/s²."""
+        w, thrust = inputs
+        return jnp.arctan(w), thrust
+
+    @property
+    def command_names(self) -> tuple[str, ...]:
+        return "steering angle, rad", "thrust, m/s^2"
+
+    @property
+    def brakes(self) -> tuple[tuple[str, str], ...]:
+        return (("thrust", "v"),)
