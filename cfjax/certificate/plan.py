@@ -37,10 +37,11 @@ def plan(problem: Problem, segment: Segment, funnel: Funnel, target: float, spar
     """Few stretches, none of which has a margin below `spare` (≥ 1) times the target (1/s) as far as particles find.
 
     The target is lowered where they would be more than `most`, or where a place alone does not reach it; what is then
-    left to try is the whole segment in `most` equal parts.
+    left to try is the whole segment in `most` equal parts; so it is where the reference stops, which has no curvature
+    there: the proof then says between which θ.
     """
     planner = _Planner(problem, segment, funnel)
-    wanted = target
+    wanted = target if planner.speed.min() > 0 else 0.0
     while wanted >= LEAST_SHARE * target:
         ends, shortest = planner.ends(spare * wanted, most)
         if not ends and shortest < spare * wanted:  # a cell alone: what it has is the most that can be had
@@ -62,7 +63,7 @@ class _Planner:
         self.theta = np.linspace(0.0, self.segment.duration, CELLS + 1)
         turn, speed = self.segment.turn_rate.polynomial, self.segment.speed.polynomial
         self.speed, self.slope = speed(self.theta), speed(self.theta, 1)
-        self.curvature = turn(self.theta) / self.speed
+        self.curvature = turn(self.theta) / np.where(self.speed > 0, self.speed, np.nan)
         self.known: dict[tuple[int, int], float] = {}
 
     def ends(self, target: float, most: int) -> tuple[tuple[int, ...], float]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cfjax.certificate import certify
 from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
 from cfjax.certificate.stretches import Prover, StretchProof, round_funnel
 from cfjax.certificate.trace import trace_deviation
@@ -16,6 +17,7 @@ from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Stretch
 from cfjax.problem import Interval, Path, Pose, Problem, Profile, ReferencePoint, Segment, Tube, ball, deviation_rate
+from cfjax.verdict import Verdict
 
 
 DURATION = 2.0  # s: a bend of 2 m, whose curvature rises to 1.3 1/m in its middle and comes back to nothing
@@ -126,6 +128,17 @@ def test_a_target_out_of_reach_is_lowered(bend: tuple[Problem, Segment, Funnel])
     assert plan(problem, segment, funnel, 10 * MARGIN, 1.0, 4) == Plan(
         (CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0
     )
+
+
+@pytest.mark.parametrize("speed", [(0.0, 1.0), (1.0, -1.0), (1.0, -1.25)], ids=["starts", "stops", "turns back"])
+def test_a_reference_that_stops_is_not_proven_but_no_bad_input(speed: tuple[float, float]) -> None:
+    segment = Segment(Profile.constant(0.0, 1.0), Profile((0.0, 1.0), (speed,)), Pose(0.0, 0.0, 0.0))
+    problem = Problem(Path("stop", (segment,)), inlet=ball(0.3), goal=ball(0.5))
+    funnel = Funnel(template_named("contracting"), 8 * np.eye(4), 0.1, 1.0)
+    assert plan(problem, segment, funnel, 0.01, 1.01, 4) == Plan((CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0)
+    outcome = certify(problem, [funnel], target=0.01)
+    assert outcome.verdict is Verdict.INCONCLUSIVE
+    assert "theta" in outcome.message
 
 
 def test_a_margin_is_looked_for_once(bend: tuple[Problem, Segment, Funnel], monkeypatch: pytest.MonkeyPatch) -> None:
