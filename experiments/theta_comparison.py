@@ -21,7 +21,8 @@ from cfjax.certificate.rounding import dyadic
 from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.decrease import SteadyDecrease, monomials
+from cfjax.check.decrease import SteadyDecrease
+from cfjax.check.program import monomials
 from cfjax.check.tube import TubeClaim
 from cfjax.conf import preset, problem_of
 from cfjax.exact import exact_course
@@ -82,7 +83,7 @@ def main() -> None:
     whole = bounded(pieces, fmpq(0), sum((piece.duration for piece in pieces), fmpq(0)))
     questions = decreases_on(problem, rounded, graph, whole)
     found = [
-        solve(q.target(c), q.drop(q.pieces[c.piece]), q.constraints(c), q.bases) for q in questions for c in q.cells()
+        solve(q.target(c), q.drop(c), q.constraints(c), q.bases) for q in questions for c in q.cells()
     ]
     print(f"ends of the curvature, one stretch: {report(found)}")
 

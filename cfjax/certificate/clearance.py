@@ -25,9 +25,9 @@ from cfjax.check.clearance import (
     prove_clearance,
     prove_half_plane,
 )
-from cfjax.check.decrease import Matrix
 from cfjax.check.enclosure import Budget
 from cfjax.check.piece import Piece, between
+from cfjax.check.program import Matrix
 from cfjax.check.reference import ExactPose
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment

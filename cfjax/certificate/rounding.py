@@ -6,7 +6,7 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Float
 
-from cfjax.check.decrease import Matrix
+from cfjax.check.program import Matrix
 
 
 FUNNEL_BITS = 30  # C is rounded to 2^-30 of its smallest eigenvalue, the rate to 2^-30 of itself: 1e-9

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from flint import fmpq_mpoly
 from jaxtyping import Float
 
-from cfjax.check.decrease import Exponents, monomials
+from cfjax.check.program import Exponents, monomials
 
 
 _CVXPY = threading.Lock()  # it numbers its variables by a counter that threads may not share

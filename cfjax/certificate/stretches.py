@@ -21,11 +21,12 @@ from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
 from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.writing import Gram, write_funnel, write_stretch
-from cfjax.check.decrease import Cell, CellProof, Exponents, Matrix, SteadyDecrease, level_pieces
+from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
 from cfjax.check.document import CellKey, unpack_triangle
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.piece import Piece, between
+from cfjax.check.program import CellProof, Exponents, Matrix
 from cfjax.check.proof import extremes_of, signs_text
 from cfjax.check.rational import decimal_text, rational
 from cfjax.check.reader import Broken
@@ -236,8 +237,7 @@ _Program = tuple[fmpq_mpoly, fmpq_mpoly, list[fmpq_mpoly], tuple[tuple[Exponents
 
 def _program(decrease: SteadyDecrease, cell: Cell) -> _Program:
     """What `solve` is asked about a cell. Made in one thread: only the solver works beside others."""
-    drop = decrease.drop(decrease.pieces[cell.piece])
-    return decrease.target(cell), drop, decrease.constraints(cell), decrease.bases
+    return decrease.target(cell), decrease.drop(cell), decrease.constraints(cell), decrease.bases
 
 
 class _TooLittle(Exception):

@@ -8,9 +8,10 @@ from typing import Any
 from flint import fmpq
 
 from cfjax.check.clearance import HalfPlane
-from cfjax.check.decrease import Matrix, SteadyDecrease
+from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
 from cfjax.check.graph import Graph, Node
+from cfjax.check.program import Matrix
 from cfjax.check.rational import rational
 from cfjax.check.tube import TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES

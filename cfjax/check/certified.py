@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from flint import arb, fmpq, fmpq_mat
 
-from cfjax.check.decrease import Matrix
+from cfjax.check.program import Matrix
 from cfjax.check.rational import about, exp_bounds, is_positive_definite, upper_bound
 from cfjax.check.tube import Range
 from cfjax.check.vehicle import STATES

@@ -32,10 +32,10 @@ from functools import cached_property
 
 from flint import acb, arb, arb_series, fmpq, fmpq_mat
 
-from cfjax.check.decrease import Matrix
 from cfjax.check.enclosure import Budget
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import bernstein
+from cfjax.check.program import Matrix
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reference import ExactPose
 from cfjax.check.vehicle import STATES

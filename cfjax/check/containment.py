@@ -13,7 +13,8 @@ from collections.abc import Sequence
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.decrease import Matrix, level_bounds
+from cfjax.check.decrease import level_bounds
+from cfjax.check.program import Matrix
 from cfjax.check.rational import is_positive_definite, pi_lower, sqrt_upper
 
 

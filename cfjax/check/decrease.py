@@ -14,27 +14,24 @@ of one vertex u of the input box. On a cell
 
     p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
-where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos, every Q is positive definite and r, what rounding left over,
-is a polynomial. On a ball that holds the funnel |r| ≤ bound, so F_u ≥ λ drop − bound ≥ (λ − bound / least drop) drop.
+where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos; what the Gram matrices then prove, `cfjax.check.program` says.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
-from flint import arb, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import arb, fmpq, fmpq_mpoly
 
-from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
+from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
-from cfjax.check.rational import bits, exp_bounds, is_positive_definite, sqrt_upper, upper_bound
+from cfjax.check.program import FunnelProgram, Matrix
+from cfjax.check.rational import exp_bounds, sqrt_upper, upper_bound
 
 
-Matrix = Sequence[Sequence[fmpq]]
-Exponents = tuple[int, ...]
 ApplyFunction = Callable[[int, str, Enclosure], Enclosure]
-RADIUS_SLACK = fmpq(1, 1024)  # the ball in y is this much larger than the funnel: W is only nearly C^{−1/2}
 
 
 @dataclass(frozen=True)
@@ -45,6 +42,12 @@ class LevelPiece:
     upper: fmpq
     timing: tuple[fmpq, fmpq]
     drop: tuple[fmpq, fmpq]
+
+    def timing_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
+        return self.timing[0] + self.timing[1] * q
+
+    def drop_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
+        return self.drop[0] + self.drop[1] * q
 
     @property
     def least_drop(self) -> fmpq:
@@ -112,16 +115,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class CellProof:
-    """Margin and Gram matrices for one cell: Q₀ first, then one per sign, then q_lo and q_hi."""
-
-    cell: Cell
-    margin: fmpq
-    grams: tuple[Matrix, ...]
-
-
-@dataclass(frozen=True)
-class SteadyDecrease:
+class SteadyDecrease(FunnelProgram):
     """Condition (d) at one reference that does not depend on θ; everything is rational.
 
     `extreme` gives the reference's constants by the graph's input names, `inputs` the box by input name (u0 first),
@@ -139,57 +133,9 @@ class SteadyDecrease:
     degrees: tuple[int, ...]  # of the monomials in the Gram matrices, in their order
 
     @cached_property
-    def ring(self) -> fmpq_mpoly_ctx:
-        return fmpq_mpoly_ctx.get([f"y{k}" for k in range(len(self.states))], "degrevlex")
-
-    @cached_property
-    def bases(self) -> tuple[tuple[Exponents, ...], ...]:
-        """Exponents of the monomials z of each Gram matrix."""
-        return tuple(monomials(len(self.states), degree) for degree in self.degrees)
-
-    @cached_property
-    def deviations(self) -> list[fmpq_mpoly]:
-        """x = W y."""
-        y = self.ring.gens()
-        return [sum((w * yk for w, yk in zip(row, y, strict=True)), self.ring.constant(0)) for row in self.whitening]
-
-    @cached_property
-    def covector(self) -> list[fmpq_mpoly]:
-        """∇q = 2 C x."""
-        return [
-            sum((2 * c * x for c, x in zip(row, self.deviations, strict=True)), self.ring.constant(0))
-            for row in self.shape
-        ]
-
-    @cached_property
-    def form(self) -> fmpq_mpoly:
-        """q = xᵀ C x as a polynomial in y."""
-        half = fmpq(1, 2)
-        pairs = zip(self.deviations, self.covector, strict=True)
-        return sum((half * x * g for x, g in pairs), self.ring.constant(0))
-
-    @cached_property
     def peak(self) -> fmpq:
         """The largest level of the funnel on the stretch."""
         return max(piece.upper for piece in self.pieces)
-
-    @cached_property
-    def domain(self) -> Domain:
-        """The ball |y|² ≤ 1 + slack, which holds {q ≤ peak}: proven, for W is only nearly (C/peak)^{−1/2}."""
-        radius_squared = 1 + RADIUS_SLACK
-        size = len(self.states)
-        w, c = self.whitening, self.shape
-        scaled = [
-            [
-                sum((w[k][i] * c[k][m] * w[m][j] for k in range(size) for m in range(size)), fmpq(0)) * radius_squared
-                - (self.peak if i == j else 0)
-                for j in range(size)
-            ]
-            for i in range(size)
-        ]
-        if not is_positive_definite(scaled):
-            raise ValueError("the whitening is not close enough to (C/peak)^{-1/2}, or C is not positive definite")
-        return Domain(self.ring, radius_squared)
 
     def rates(
         self, inputs: Mapping[str, fmpq], function: ApplyFunction, profile: Mapping[str, fmpq] | None = None
@@ -231,11 +177,11 @@ class SteadyDecrease:
                 )
                 yield Cell(piece, signs, vertex)
 
-    def timing(self, piece: LevelPiece) -> fmpq_mpoly:
-        return piece.timing[0] + piece.timing[1] * self.form
+    def drop(self, cell: Cell) -> fmpq_mpoly:
+        return self.pieces[cell.piece].drop_at(self.form)
 
-    def drop(self, piece: LevelPiece) -> fmpq_mpoly:
-        return piece.drop[0] + piece.drop[1] * self.form
+    def least_drop(self, cell: Cell) -> fmpq:
+        return self.pieces[cell.piece].least_drop
 
     def target(self, cell: Cell) -> fmpq_mpoly:
         """p_u − ε(y): a polynomial that is nowhere on the ball above F_u."""
@@ -244,7 +190,7 @@ class SteadyDecrease:
         piece = self.pieces[cell.piece]
         # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q/peak
         remainder = rate.remainder_polynomial(sqrt_upper(piece.lower / self.peak))
-        demand = self.domain.sum(rate.polynomial, self.timing(piece) * u0)
+        demand = self.domain.sum(rate.polynomial, piece.timing_at(self.form) * u0)
         return self.domain.negative(self.domain.sum(demand, remainder))
 
     @cached_property
@@ -273,49 +219,6 @@ class SteadyDecrease:
         for name, sign in zip(self.free_inputs, cell.signs, strict=True):
             slope = self.slopes[name]
             if name == "u0":
-                slope = self.domain.sum(slope, self.timing(piece))
+                slope = self.domain.sum(slope, piece.timing_at(self.form))
             found.append(slope if sign > 0 else self.domain.negative(slope))
         return [*found, self.form - piece.lower, piece.upper - self.form]
-
-    def proven_margin(self, proof: CellProof) -> fmpq:
-        """The λ that the proof shows on its cell: its margin less what the leftover r costs.
-
-        On the cell the identity gives F_u ≥ margin · drop − |r|, and |r| ≤ bound ≤ (bound / least drop) · drop.
-
-        Raises:
-            ValueError: names what is not as it has to be.
-        """
-        cell, piece = proof.cell, self.pieces[proof.cell.piece]
-        left = self.domain.sum(self.target(cell), -proof.margin * self.drop(piece))
-        factors = [self.ring.constant(1), *self.constraints(cell)]
-        if len(proof.grams) != len(factors) or len(self.degrees) != len(factors):
-            raise ValueError(f"expected {len(factors)} Gram matrices, got {len(proof.grams)}")
-        for index, (factor, gram, basis) in enumerate(zip(factors, proof.grams, self.bases, strict=True)):
-            if len(gram) != len(basis):
-                raise ValueError(f"Gram matrix {index} has {len(gram)} rows, expected {len(basis)}")
-            longest = max(
-                bits(entry) for i, row in enumerate(gram) for entry in row[: i + 1]
-            )  # the elimination's numbers grow row by row
-            self.domain.budget.spend(len(basis) ** 3 * (1 + len(basis) * longest // 2048))
-            if not is_positive_definite(gram):
-                raise ValueError(f"Gram matrix {index} is not positive definite")
-            square = self.domain.product(factor, quadratic_form(self.ring, gram, basis))
-            left = self.domain.sum(left, self.domain.negative(square))
-        return proof.margin - self.domain.bound(left) / piece.least_drop
-
-
-def monomials(variables: int, degree: int) -> tuple[Exponents, ...]:
-    """Exponents of all monomials up to the degree: by degree, then descending in the first variable, and so on."""
-    every = (e for e in product(range(degree + 1), repeat=variables) if sum(e) <= degree)
-    return tuple(sorted(every, key=lambda e: (sum(e), tuple(-k for k in e))))
-
-
-def quadratic_form(ring: fmpq_mpoly_ctx, gram: Matrix, basis: Sequence[Exponents]) -> fmpq_mpoly:
-    """zᵀ Q z for the monomials z with the exponents in `basis`."""
-    terms: dict[Exponents, fmpq] = {}
-    for i, first in enumerate(basis):
-        for j in range(i + 1):
-            exponents = tuple(a + b for a, b in zip(first, basis[j], strict=True))
-            value = gram[i][j] if i == j else 2 * gram[i][j]
-            terms[exponents] = terms.get(exponents, fmpq(0)) + value
-    return ring.from_dict(terms)

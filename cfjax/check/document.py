@@ -13,10 +13,10 @@ from math import comb
 from flint import acb, arb, fmpq
 
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
-from cfjax.check.decrease import Matrix
 from cfjax.check.graph import ARITY, Graph, Node
 from cfjax.check.piece import Piece
 from cfjax.check.polynomial import Coefficients
+from cfjax.check.program import Matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import ExactPose, Reference

@@ -16,7 +16,7 @@ from flint import fmpq, fmpq_mat
 
 from cfjax.check.clearance import prove_clearance
 from cfjax.check.containment import broken_containments
-from cfjax.check.decrease import CellProof, Extreme, SteadyDecrease, level_bounds, level_pieces
+from cfjax.check.decrease import Extreme, SteadyDecrease, level_bounds, level_pieces
 from cfjax.check.document import (
     CellKey,
     Certificate,
@@ -29,6 +29,7 @@ from cfjax.check.document import (
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfjax.check.piece import between
+from cfjax.check.program import CellProof
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, is_closed

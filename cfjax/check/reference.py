@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 from flint import acb, arb, fmpq, fmpq_mat
 
-from cfjax.check.decrease import Matrix
 from cfjax.check.displacement import TOO_WILD
 from cfjax.check.piece import Piece
+from cfjax.check.program import Matrix
 from cfjax.check.rational import sqrt_upper, upper_bound
 
 

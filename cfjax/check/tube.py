@@ -25,7 +25,8 @@ from itertools import product
 
 from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.decrease import Extreme, Matrix
+from cfjax.check.decrease import Extreme
+from cfjax.check.program import Matrix
 from cfjax.check.rational import about
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic

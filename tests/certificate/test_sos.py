@@ -6,8 +6,8 @@ from flint import fmpq, fmpq_mpoly_ctx
 
 from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
 from cfjax.certificate.sos import coefficients, product_matrix, solve
-from cfjax.check.decrease import monomials, quadratic_form
 from cfjax.check.document import unpack_triangle
+from cfjax.check.program import monomials, quadratic_form
 from cfjax.check.rational import is_positive_definite
 
 

@@ -10,7 +10,8 @@ from flint import fmpq
 
 from cfjax.certificate.stretches import bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.decrease import SteadyDecrease, level_bounds, level_pieces, monomials, quadratic_form
+from cfjax.check.decrease import SteadyDecrease, level_bounds, level_pieces
+from cfjax.check.program import monomials, quadratic_form
 from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Problem, affine_deviation, circle

@@ -13,9 +13,9 @@ from flint import fmpq
 
 from cfjax.certificate import certify, dump, refute
 from cfjax.check import Outcome, check_document
-from cfjax.check.decrease import Matrix
 from cfjax.check.document import document_hash
 from cfjax.check.graph import Graph, Node
+from cfjax.check.program import Matrix
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim, is_mirrored, require_tube_structure
