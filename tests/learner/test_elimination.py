@@ -8,7 +8,7 @@ import pytest
 import cfjax
 from cfjax.check import Outcome, check_document
 from cfjax.conf import options_of, preset, problem_of, yaml_of
-from cfjax.learner.polytope import PolytopeLearned
+from cfjax.learner.run import PolytopeLearned
 from cfjax.options import Elimination
 from cfjax.report.run_folder import read_run, write_run
 from cfjax.result import Result

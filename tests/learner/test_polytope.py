@@ -12,12 +12,17 @@ from scipy.linalg import solve_continuous_are
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Template
 from cfjax.funnel.conditions import chain_excess
-from cfjax.funnel.instance import chain_of
+from cfjax.funnel.instance import Clearance, chain_of
+from cfjax.learner.beside import beside
 from cfjax.learner.centre import CentreError, Polytope
 from cfjax.learner.coefficients import Coordinates
+from cfjax.learner.demonstrations import best_vertices
 from cfjax.learner.localise import Ending, Localised, Step
-from cfjax.learner.polytope import CHANGES, PolytopeLearned, _Hunted, _Task, best_vertices, dynamics
+from cfjax.learner.oracle import FunnelOracle, Hunted
+from cfjax.learner.polytope import CHANGES
 from cfjax.learner.polytope import learn_polytope as learn
+from cfjax.learner.run import PolytopeLearned, Run
+from cfjax.learner.witnesses import Witnesses, dynamics, falling
 from cfjax.options import Elimination
 from cfjax.problem import (
     Box,
@@ -108,11 +113,9 @@ def test_coefficients_stand_for_a_funnel(template: Template) -> None:
         rng = np.random.default_rng(2)
         x = 0.3 * rng.normal(size=(5, 4))
         theta = rng.uniform(0, space.duration, 5)
-        chain = chain_of(CIRCLE, template, 0.9, beta_inner)
-        task = _Task(CIRCLE, template, chain, space, feedback(CIRCLE), ONCE, 0.3, 0)
-        new = task._demonstrated(theta, x, c)
+        new = Witnesses(theta, x, feedback(CIRCLE)(theta, x), *dynamics(CIRCLE, theta, x))
         point = CIRCLE.path.curve[0].point(0.0)
-        for k, (slack, y, t, u) in enumerate(zip(task._falling(new).slack(c), x, theta, new.inputs, strict=True)):
+        for k, (slack, y, t, u) in enumerate(zip(falling(space, new, 0.3).slack(c), x, theta, new.inputs, strict=True)):
             motion = np.array(deviation_rate(CIRCLE.vehicle, tuple(y), tuple(u), point), float)
             np.testing.assert_allclose(motion, new.drift[k] + new.columns[k] @ u, atol=1e-12)
             step = 1e-6
@@ -338,15 +341,15 @@ def test_an_obstacle_beside_the_road() -> None:
     assert found.funnels is not None
     chain = chain_of(problem, TEMPLATES["contracting"], 0.9)
     space = coordinates(problem, TEMPLATES["contracting"])
-    task = _Task(problem, TEMPLATES["contracting"], chain, space, feedback(problem), ONCE, 0.3, 0)
+    clearance: Clearance = jax.tree.map(lambda values: values[0], chain.funnels.clearance)
     wide = space.form(np.eye(4) * problem.inlet.half_axes).sum(axis=0) * (0.5 / 0.8) ** 2
     np.testing.assert_allclose(space.shape(wide), np.eye(4) / 0.8**2, atol=1e-12)
-    cuts = task._near_obstacles(wide)
+    cuts = beside(space, clearance, wide, 8)
     assert len(cuts) == 8 and cuts.slack(wide).max() < 0
     entries = space.inlet[:, None] * found.funnels[0].shape * space.inlet
     rows, columns = np.triu_indices(4)
     narrow = entries[rows, columns] * np.where(rows == columns, 1.0, math.sqrt(2))
-    assert len(task._near_obstacles(narrow)) == 0
+    assert len(beside(space, clearance, narrow, 8)) == 0
 
 
 @pytest.mark.parametrize("template", TEMPLATE.values())
@@ -356,9 +359,9 @@ def test_half_planes_beside_obstacles_bind_all_funnels_alike(template: Template)
         straight(), obstacles=(Disc(1.0, 0.92, 0.3),), footprint=(FootprintDisc(0.2, 0.15), FootprintDisc(0.2, -0.15))
     )
     space = coordinates(problem, template)
-    task = _Task(problem, template, chain_of(problem, template, 0.9), space, None, ONCE, 0.3, 0)
-    _, gap, reach, swing = (np.asarray(part) for part in task.instance.clearance)
-    theta = np.asarray(task.instance.clearance.theta)
+    chain = chain_of(problem, template, 0.9)
+    clearance: Clearance = jax.tree.map(lambda values: values[0], chain.funnels.clearance)
+    theta, gap, reach, swing = (np.asarray(part) for part in clearance)
     assert swing.max() > 0  # turning counts
     rng = np.random.default_rng(11)
     narrow, wide = (drawn_between(np.full(4, least), 150, 12) for least in (0.3, 0.01))
@@ -375,7 +378,7 @@ def test_half_planes_beside_obstacles_bind_all_funnels_alike(template: Template)
     rooms = np.array([room(c) for c in drawn])
     seen, tight = 0, np.inf
     for c, own in zip(drawn, rooms, strict=True):
-        cuts = task._near_obstacles(c)
+        cuts = beside(space, clearance, c, 8)
         if not len(cuts):
             assert own.max(axis=1).min() > 1e-3
             continue
@@ -417,13 +420,13 @@ def test_what_holds_a_funnel_back_is_known_from_the_hunt_that_accepted_it(monkey
     """Climbing needs no second hunt: the worst points are those of the first."""
     space = coordinates(CIRCLE, TEMPLATES["paper"])
     chain = chain_of(CIRCLE, TEMPLATES["paper"], 0.9)
-    task = _Task(CIRCLE, TEMPLATES["paper"], chain, space, feedback(CIRCLE), Elimination(), 0.05, 0)
+    task = FunnelOracle(CIRCLE, TEMPLATES["paper"], chain, space, feedback(CIRCLE), Elimination(), 0.05, 0)
     rng = np.random.default_rng(5)
     points = rng.normal(size=(20, 5))
     points[:, -1] = 0.5
-    quiet = _Hunted(points, np.zeros(20, int), np.linspace(0.1, 0.2, 20))
+    quiet = Hunted(points, np.zeros(20, int), np.linspace(0.1, 0.2, 20))
     hunts = iter([quiet] * 5)
-    monkeypatch.setattr(_Task, "_particles", lambda *_: next(hunts))
+    monkeypatch.setattr(FunnelOracle, "_particles", lambda *_: next(hunts))
     c = entries_of(0.5 * np.eye(4))
     reply = task(np.append(c, 0.7))
     assert task.best[0] == 0.1 and task.asked == pytest.approx(0.105)
@@ -437,8 +440,8 @@ def test_a_candidate_without_a_margin_is_no_question(monkeypatch: pytest.MonkeyP
         assert np.isfinite(x).all() and np.isfinite(theta).all()
         return feedback(CIRCLE)(theta, x)
 
-    lost = _Hunted(np.full((20, 5), np.nan), np.zeros(20, int), np.full(20, -np.inf))
-    monkeypatch.setattr(_Task, "_particles", lambda *_: lost)
+    lost = Hunted(np.full((20, 5), np.nan), np.zeros(20, int), np.full(20, -np.inf))
+    monkeypatch.setattr(FunnelOracle, "_particles", lambda *_: lost)
     found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrate=demonstrate)
     assert found.learned is None and found.runs[0].search.ending is Ending.SOLVER
     assert "failed numerically" in found.message and "nothing is shown" in found.message
@@ -447,13 +450,12 @@ def test_a_candidate_without_a_margin_is_no_question(monkeypatch: pytest.MonkeyP
 def test_messages_say_how_a_search_ended() -> None:
     """With revised demonstrations too a limit is none of room; other centres have a limit and no bound."""
     space = coordinates(CIRCLE, TEMPLATES["paper"])
-    chain = chain_of(CIRCLE, TEMPLATES["paper"], 0.9)
     history = (Step(0.0, 0.1, 22, 1),) * 5
 
     def said(ending: Ending, how: Elimination) -> str:
-        task = _Task(CIRCLE, TEMPLATES["paper"], chain, space, None, how, 0.05, 0)
         left = Polytope.box(space.lower, space.upper)
-        return task.run(Localised(ending, None, left, 5, 0.02, history)).message
+        search = Localised(ending, None, left, 5, 0.02, history)
+        return Run(how, space, search, None, -math.inf, 0.05, Witnesses.none(CIRCLE), 0).message
 
     revised = replace(ONCE, demonstrations=REVISED)
     assert "ended after 5 cuts, its limit; nothing is shown" in said(Ending.LIMIT, revised)
@@ -466,7 +468,7 @@ def test_a_revision_without_a_centre_ends_the_search(monkeypatch: pytest.MonkeyP
     def none(polytope: object) -> object:
         raise CentreError("no")
 
-    monkeypatch.setattr("cfjax.learner.polytope.largest_ball", none)
+    monkeypatch.setattr("cfjax.learner.revision.largest_ball", none)
     found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrations=REVISED)
     assert found.learned is None and found.runs[0].search.ending is Ending.SOLVER
 
