@@ -45,6 +45,10 @@ class Undecided(Exception):
     """An oracle that can neither accept a candidate nor say what is wrong with it."""
 
 
+class GivenUp(Exception):
+    """An oracle that does not want to be asked any more, though candidates are left."""
+
+
 class Reply(NamedTuple):
     """Half-spaces that exclude the candidate; none accepts it. `afresh`: in place of all that were named before."""
 
@@ -61,6 +65,7 @@ class Ending(enum.Enum):
     FOUND = "found"  # the oracle accepted the centre
     TOO_SMALL = "too small"  # no ball of radius δ satisfies all half-spaces
     LIMIT = "limit"  # as many cuts as the bound, and still room for a ball: the bound does not hold here
+    GIVEN_UP = "given up"  # the oracle had enough
     SOLVER = "solver"  # no centre was found of a polytope that has one, or the oracle was undecided
 
 
@@ -112,8 +117,8 @@ def localise(
 ) -> Localised:
     """Ask the oracle at centres until it accepts one or no ball of radius `delta` is left.
 
-    An oracle that raises `CentreError` or `Undecided` ends the search: nothing is known about that candidate.
-    `known` are half-spaces that hold from the start, beside the box. `progress` hears (cuts so far, bound).
+    An oracle that raises `CentreError`, `Undecided` or `GivenUp` ends the search: nothing is known about that
+    candidate. `known` are half-spaces that hold from the start, beside the box. `progress` hears (cuts so far, bound).
     """
     box = Polytope.box(lower, upper)
     bound = iteration_bound(len(lower), float(np.log(upper - lower).sum()), delta)
@@ -139,6 +144,8 @@ def localise(
             return ended(Ending.SOLVER, radius)
         try:
             reply = oracle(frame.centre)
+        except GivenUp:
+            return ended(Ending.GIVEN_UP, radius)
         except (CentreError, Undecided):
             return ended(Ending.SOLVER, radius)
         history.append(Step(frame.log_volume, radius, len(polytope), len(reply.cuts)))

@@ -22,7 +22,7 @@ from cfjax.learner.beside import beside
 from cfjax.learner.centre import Polytope
 from cfjax.learner.coefficients import Coordinates
 from cfjax.learner.demonstrations import Demonstrate, demonstrated, vertices
-from cfjax.learner.localise import Localised, Reply, Undecided
+from cfjax.learner.localise import GivenUp, Localised, Reply, Undecided
 from cfjax.learner.revision import revised
 from cfjax.learner.run import Run
 from cfjax.learner.witnesses import Witnesses, dynamics, falling
@@ -34,6 +34,7 @@ QUICK = SEARCH._replace(steps=200)  # for candidates that are likely to fail
 ACCEPTING = 4  # thorough hunts without a find, by which a candidate is accepted
 DISTANT = 0.2  # between witnesses of a batch, in dual coordinates
 CLIMB = 1.05  # margin asked for next over the one found
+PATIENCE = 25  # candidates in a row without a funnel, after which demonstrations are not revised any more
 
 
 class Hunted(NamedTuple):
@@ -60,6 +61,7 @@ class FunnelOracle:
     contained: Polytope = field(init=False)  # half-spaces of (a), (b), (c)
     best: tuple[float, Funnel | None] = (-math.inf, None)
     outgrown: int = 0  # funnels that were found and asked for more
+    idle: int = 0  # candidates since then
     half_planes: int = 0  # that were chosen beside obstacles
 
     def __post_init__(self) -> None:
@@ -69,6 +71,9 @@ class FunnelOracle:
         self.instance: Instance = jax.tree.map(lambda values: values[0], self.chain.funnels)
 
     def __call__(self, c: Float[np.ndarray, " r"]) -> Reply:
+        self.idle += 1
+        if self.how.revise and self.idle > PATIENCE:
+            raise GivenUp
         cuts = self.coordinates.broken(c)
         if not len(cuts):
             cuts = beside(self.coordinates, self.instance.clearance, c, self.how.batch)
@@ -83,7 +88,7 @@ class FunnelOracle:
                 self.best = margin, funnel
             if not self.how.climb:
                 return Reply(self._nothing())
-            self.asked, self.outgrown = CLIMB * margin, self.outgrown + 1
+            self.asked, self.outgrown, self.idle = CLIMB * margin, self.outgrown + 1, 0
         theta, x = self._worst(funnel, hunted)
         if not len(theta):
             raise Undecided("falsifier: no margin, and no point at which there is none")
@@ -157,4 +162,5 @@ class FunnelOracle:
             inputs = vertices(self.problem, self.template, funnel.rate, funnel.shape, x, columns)
         else:
             inputs = demonstrated(self.problem, self.demonstrate, theta, x)
-        return Witnesses(theta, x, inputs, drift, columns)
+        level = np.asarray(self.template.value(funnel.rate, theta, np.einsum("ki,ij,kj->k", x, funnel.shape, x)))
+        return Witnesses(theta, x, level, inputs, drift, columns)

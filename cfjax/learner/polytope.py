@@ -8,14 +8,16 @@ answer cuts it off. (a), (b), (c) are half-spaces at their worst points too (`cf
 obstacles by half-planes (`cfjax.learner.beside`).
 
 **What is lost.** Condition (d) says: for each point *of a funnel's own shell* there is *some* input. Here each
-candidate has to decrease at each witness, though only the shell of the candidate that failed there is known to hold it,
-and along the one input that was demonstrated, though another may be better for it. A funnel may exist that does
-neither. So where no ball of radius δ is left, this is what was shown: **no δ-robust candidate is compatible with these
-demonstrations**; with another demonstrator, one may be.
+candidate answers for each witness, though only the shell of the candidate that failed there is known to hold it: by a
+half-space that stands for the condition and is not the condition itself. And it has to fall along the one input that
+was demonstrated, though another may be better for it. A funnel may exist that does neither. So where no ball of radius
+δ is left, this is what was shown: **no δ-robust candidate is compatible with these demonstrations**; with another
+demonstrator, one may be.
 
 **Revised demonstrations.** With `revise` inputs are no longer given once for all: after every candidate those of all
 witnesses are chosen anew (`cfjax.learner.revision`). This gives back the second half of the freedom, and it costs the
-bound: half-spaces are taken back, the polytopes are not nested, and an end without a funnel shows nothing.
+bound: half-spaces are taken back, the polytopes are not nested, and an end without a funnel shows nothing. Such a
+search is given up when so many candidates in a row are no funnel (`cfjax.learner.oracle.PATIENCE`).
 """
 
 import math

@@ -12,7 +12,7 @@ from cfjax.funnel import Funnel
 from cfjax.learner.coefficients import Coordinates
 from cfjax.learner.gradient import Learned
 from cfjax.learner.localise import Ending, Localised
-from cfjax.learner.witnesses import Witnesses
+from cfjax.learner.witnesses import Witnesses, steepness
 from cfjax.options import Elimination
 
 
@@ -78,6 +78,8 @@ class Run:
             shown = f"the search for {wanted} failed numerically after {search.cuts} cuts; nothing is shown"
         elif search.ending is Ending.LIMIT:
             shown = f"the search for {wanted} ended after {search.cuts} cuts, its limit; nothing is shown"
+        elif search.ending is Ending.GIVEN_UP:
+            shown = f"the search for {wanted} was given up after {search.cuts} cuts; nothing is shown"
         elif self.how.revise:
             shown = (
                 f"the search for {wanted} ended after {search.cuts} candidates without room for a ball of "
@@ -95,9 +97,10 @@ class Run:
     def _where(self) -> str:
         """What a margin that was asked for means: on which levels, and at which rates."""
         found = self.coordinates
-        levels = ""
         if found.change is not None or found.beta_inner is not None:
             levels = f" (at V = {found.beta_lower:g}, {self.asked / found.beta_lower:.4g} 1/s at V = 1)"
+        else:
+            levels = f" (at a witness's own level, {steepness(found):.3g} 1/s more for each unit of V above it)"
         if found.change is not None:
             return f"{levels}{at_rates([found.change])}"
         return f"{levels} with c0 T from {found.lower[-1]:.3g} to {found.upper[-1]:.3g}"

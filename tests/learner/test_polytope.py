@@ -22,7 +22,7 @@ from cfjax.learner.oracle import FunnelOracle, Hunted
 from cfjax.learner.polytope import CHANGES
 from cfjax.learner.polytope import learn_polytope as learn
 from cfjax.learner.run import PolytopeLearned, Run
-from cfjax.learner.witnesses import Witnesses, dynamics, falling
+from cfjax.learner.witnesses import FADING, Witnesses, dynamics, falling
 from cfjax.options import Elimination
 from cfjax.problem import (
     Box,
@@ -46,6 +46,7 @@ from cfjax.problem.path import Pose
 
 REVISED = "revised"
 ONCE = Elimination(climb=False)
+MORE = "(at a witness's own level, 0.667 1/s more for each unit of V above it)"
 S = Box((1.0, 1.0, 1.0, 3.0))
 CIRCLE = Problem(circle(), safe=S)
 TEMPLATE = {name: pytest.param(template, id=name) for name, template in TEMPLATES.items()}
@@ -113,7 +114,8 @@ def test_coefficients_stand_for_a_funnel(template: Template) -> None:
         rng = np.random.default_rng(2)
         x = 0.3 * rng.normal(size=(5, 4))
         theta = rng.uniform(0, space.duration, 5)
-        new = Witnesses(theta, x, feedback(CIRCLE)(theta, x), *dynamics(CIRCLE, theta, x))
+        level = rng.uniform(0.9, 1.0, 5)
+        new = Witnesses(theta, x, level, feedback(CIRCLE)(theta, x), *dynamics(CIRCLE, theta, x))
         point = CIRCLE.path.curve[0].point(0.0)
         for k, (slack, y, t, u) in enumerate(zip(falling(space, new, 0.3).slack(c), x, theta, new.inputs, strict=True)):
             motion = np.array(deviation_rate(CIRCLE.vehicle, tuple(y), tuple(u), point), float)
@@ -125,9 +127,29 @@ def test_coefficients_stand_for_a_funnel(template: Template) -> None:
                 for s in (-step, 0.0, step)
             )
             falls = (after - before) / (2 * step)
-            fades = template.name == "contracting" or beta_inner is not None
-            demand = 0.3 * here / 0.9 if fades else 0.3
+            proportional = template.name == "contracting" or beta_inner is not None
+            demand = 0.3 * here / 0.9 if proportional else 0.3 + FADING / space.duration * (here - level[k])
             assert slack * float(template.scale(rate, t)) == pytest.approx(-falls - demand, abs=1e-6)
+
+
+def test_a_half_space_of_decrease_binds_where_the_witness_lies_no_deeper() -> None:
+    """V ≥ ℓ implies V̇ ≤ −ε for all that keep to it; those that have the witness well inside are asked for less."""
+    space = coordinates(CIRCLE, TEMPLATES["paper"])
+    rng = np.random.default_rng(6)
+    x, theta = 0.3 * rng.normal(size=(40, 4)), rng.uniform(0, space.duration, 40)
+    level = rng.uniform(0.9, 1.0, 40)
+    found = Witnesses(theta, x, level, feedback(CIRCLE)(theta, x), *dynamics(CIRCLE, theta, x))
+    motion = found.drift + np.einsum("kij,kj->ki", found.columns, found.inputs)
+    kept = deep = 0
+    for c in candidates(space, 500, 7):
+        shape, rate = space.shape(c), space.change_of(c) / space.duration
+        value = np.einsum("ki,ij,kj->k", x, shape, x) + rate * theta
+        falls = 2 * np.einsum("ki,ij,kj->k", x, shape, motion) + rate * found.inputs[:, 0]
+        keeps = falling(space, found, 0.1).slack(c) >= 0
+        assert (falls[keeps & (value >= level)] <= -0.1 + 1e-12).all()
+        kept += int((keeps & (value >= level)).sum())
+        deep += int((keeps & (falls > -0.1)).sum())
+    assert kept > 100 and deep > 100
 
 
 @pytest.mark.parametrize("template", TEMPLATE.values())
@@ -242,9 +264,10 @@ def test_the_papers_way_finds_the_circle(batched: PolytopeLearned) -> None:
     # demonstrations bind what was found: along them it falls
     funnel, x, inputs = batched.funnels[0], run.witnesses.x, run.witnesses.inputs
     point = CIRCLE.path.curve[0].point(0.0)
-    for y, u in zip(x, inputs, strict=True):
+    for t, y, level, u in zip(run.witnesses.theta, x, run.witnesses.level, inputs, strict=True):
         motion = np.array(deviation_rate(CIRCLE.vehicle, tuple(y), tuple(u), point), float)
-        assert 2 * y @ funnel.shape @ motion + funnel.rate * u[0] <= -0.04 + 1e-9
+        above = y @ funnel.shape @ y + funnel.rate * t - level
+        assert 2 * y @ funnel.shape @ motion + funnel.rate * u[0] <= -0.04 - FADING / 6 * above + 1e-9
     # every cut took its share of the ellipsoid
     volumes = np.diff([step.log_volume for step in run.search.history])
     assert (volumes <= math.log(8 / 9) + 1e-4).all()
@@ -286,16 +309,18 @@ def test_climbing_asks_the_same_demonstrations_for_more(batched: PolytopeLearned
     (run,) = found.runs
     assert run.search.ending is Ending.TOO_SMALL
     assert found.learned is not None and run.asked > found.learned.margin
-    assert f"no 0.01-robust candidate of margin {run.asked:.4g} 1/s with c0 T from 0.001 to 0.88" in found.message
+    assert (
+        f"no 0.01-robust candidate of margin {run.asked:.4g} 1/s {MORE} with c0 T from 0.001 to 0.88" in found.message
+    )
     assert f"compatible with these {run.demonstrations} demonstrations ({run.search.cuts} cuts, at" in found.message
 
 
 def test_what_no_feedback_cannot_do_is_said_within_the_bound() -> None:
-    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.05, demonstrate=no_feedback)
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.4, demonstrate=no_feedback)
     assert found.learned is None and found.funnels is None
     (run,) = found.runs
     assert run.search.ending is Ending.TOO_SMALL and run.search.cuts <= run.search.bound
-    assert "no 0.01-robust candidate of margin 0.05 1/s with c0 T from 0.001 to 0.88 is" in found.message
+    assert f"no 0.01-robust candidate of margin 0.4 1/s {MORE} with c0 T from 0.001 to 0.88 is" in found.message
     assert f"compatible with these {run.demonstrations} demonstrations ({run.search.cuts} cuts, at" in found.message
 
 
@@ -458,6 +483,7 @@ def test_messages_say_how_a_search_ended() -> None:
         return Run(how, space, search, None, -math.inf, 0.05, Witnesses.none(CIRCLE), 0).message
 
     revised = replace(ONCE, demonstrations=REVISED)
+    assert "was given up after 5 cuts; nothing is shown" in said(Ending.GIVEN_UP, revised)
     assert "ended after 5 cuts, its limit; nothing is shown" in said(Ending.LIMIT, revised)
     assert "without room for a ball of 0.01; demonstrations were revised" in said(Ending.TOO_SMALL, revised)
     assert said(Ending.TOO_SMALL, replace(ONCE, centre="analytic")).endswith("(5 cuts, limit 5, no bound)")
@@ -481,6 +507,25 @@ def test_dynamics_of_any_number_of_points() -> None:
         rates = deviation_rate(CIRCLE.vehicle, tuple(x[k]), (0.7, 0.2, -1.0), point)
         np.testing.assert_allclose(drift[k] + columns[k] @ (0.7, 0.2, -1.0), np.array(rates, float), atol=1e-12)
     assert dynamics(CIRCLE, np.zeros(0), x[:0])[0].shape == (0, 4)
+
+
+def test_revisions_are_given_up_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cfjax.learner.oracle.PATIENCE", 3)
+    found = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.9, demonstrations=REVISED)
+    (run,) = found.runs
+    assert found.learned is None and run.search.ending is Ending.GIVEN_UP and run.candidates == 3
+    patient = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.9, demonstrate=feedback(CIRCLE))
+    assert patient.runs[0].search.ending is Ending.TOO_SMALL and patient.runs[0].candidates > 3
+
+
+def test_the_same_twice(batched: PolytopeLearned) -> None:
+    """Nothing but the seed decides: the same candidates, witnesses and coefficients to the last digit."""
+    again = learn_polytope(CIRCLE, TEMPLATES["paper"], margin=0.04, demonstrate=feedback(CIRCLE))
+    (first,), (second,) = batched.runs, again.runs
+    assert first.search.history == second.search.history and first.figures() == second.figures()
+    np.testing.assert_array_equal(first.witnesses.x, second.witnesses.x)
+    assert first.search.candidate is not None and second.search.candidate is not None
+    np.testing.assert_array_equal(first.search.candidate, second.search.candidate)
 
 
 def test_what_cannot_be_asked_is_refused() -> None:
