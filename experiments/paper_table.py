@@ -1,10 +1,12 @@
 """The paper's rows, both methods and templates: margins found and proven beside its verdict.
 
-    python experiments/paper_table.py [--learners gradient polytope revised] [--output FOLDER] [--only TEXT] [--cars N]
+    python experiments/paper_table.py [--learners gradient polytope revised] [--output FOLDER] [--only TEXT ...]
+                                      [--cars N] [--set KEY=VALUE ...]
 
-Prints one table and writes it as paper_table.csv and paper_table.md. Learners: `gradient`; `polytope`, the paper's own
-(elimination of coefficients, from counterexamples and the demonstrations of an MPC); `revised`, the same with
-demonstrations that are chosen anew for every candidate. "Best before" are the best falsified margins of
+Prints one table and writes it as paper_table.csv and paper_table.md (without the times, which no two runs share).
+Learners: `gradient`; `polytope`, the paper's own (elimination of coefficients, from counterexamples and the
+demonstrations of an MPC); `revised`, the same with demonstrations that are chosen anew for every candidate. Keys that
+are `--set` hold for every line, and are printed under the table. "Best before" are the best falsified margins of
 the trials that preceded this implementation (shell [0.9, 1], u0 ∈ [0.5, 2]); of the oval, those of one half.
 """
 
@@ -12,11 +14,13 @@ import argparse
 import itertools
 import math
 import time
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from cfjax.conf import options_of, preset, problem_of
+from cfjax.learner.oracle import PATIENCE
 from cfjax.report.lines import markdown, write_lines
 from cfjax.report.paper_rows import agreement, paper_found
 from cfjax.synthesis import synthesize
@@ -63,7 +67,8 @@ class Line:
     paper: str
     agreement: str
     candidates: int  # that the learner looked at: restarts of all rounds, or centres of polytopes
-    demonstrations: int | None  # witnesses with their inputs
+    witnesses: int | None  # of (d), each with a demonstrated input
+    searches: str  # by elimination: how they ended, and how many so
     seconds: float
 
 
@@ -77,16 +82,18 @@ def best_before(row: str, template: str, method: str) -> float | None:
     return ROWS[row][2 if template == "paper" else 3][METHODS.index(method)]
 
 
-def run(row: str, template: str, method: str, learner: str, cars: int) -> Line:
-    """Synthesise and prove one line of the table."""
+def run(row: str, template: str, method: str, learner: str, cars: int, more: Sequence[str] = ()) -> Line:
+    """Synthesise and prove one line of the table; `more` are keys beside those of the line."""
     name, speed, *_ = ROWS[row]
     overrides = [f"method={method}", f"template={template}", f"cars={cars}", *LEARNERS[learner]]
     overrides += [f"path.speed={speed!r}"] if speed is not None else []
-    config, start = preset(name, overrides), time.perf_counter()
+    config, start = preset(name, [*overrides, *more]), time.perf_counter()
     problem = problem_of(config)
     result = synthesize(problem, options_of(config))
     found = paper_found(problem, problem_of(preset(name)))
-    runs = result.search.get("runs", [{"candidates": result.search.get("candidates", 0)}])  # one for each rate
+    search = result.search
+    runs = search.get("runs", [])  # of elimination, one for each rate
+    endings = Counter(run["ending"] for run in runs)
     certified, falsified, loop = result.margin_certified, result.margin_falsified, result.closed_loop
     return Line(
         row=row,
@@ -101,8 +108,9 @@ def run(row: str, template: str, method: str, learner: str, cars: int) -> Line:
         cars_lost=max(loop.left_funnel, loop.left_safe, loop.missed_goal) if loop else None,
         paper={True: "found", False: "not found", None: "–"}[found],
         agreement=agreement(result.verdict, found) if template == "paper" else "",
-        candidates=sum(run["candidates"] for run in runs),
-        demonstrations=sum(run["demonstrations"] for run in runs) if learner != "gradient" else None,
+        candidates=search.get("candidates", 0) + sum(run["candidates"] for run in runs),
+        witnesses=sum(run["demonstrations"] for run in runs) if learner != "gradient" else None,
+        searches=", ".join(f"{count} {ending}" for ending, count in endings.items()),
         seconds=time.perf_counter() - start,
     )
 
@@ -115,23 +123,30 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("outputs/paper_table"), help="folder of the two files")
-    parser.add_argument("--only", default="", help="rows, templates and methods that contain this text")
+    parser.add_argument("--only", nargs="+", default=[""], metavar="TEXT", help="lines that contain one of these texts")
     parser.add_argument("--learners", nargs="+", choices=LEARNERS, default=["gradient"])
     parser.add_argument("--cars", type=int, default=10_000, help="cars driven through each funnel")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="of every line, e.g. beta_lower=0.99")
     arguments = parser.parse_args()
     lines = []
     for case, learner in itertools.product(cases(), arguments.learners):
-        if arguments.only in " ".join((*case, learner)):
-            line = run(*case, learner, arguments.cars)
+        if any(text in " ".join((*case, learner)) for text in arguments.only):
+            line = run(*case, learner, arguments.cars, arguments.set)
             lines.append(line)
             print(
                 f"{line.row:20} {line.template:12} {line.method}  {line.learner:8}  {line.verdict:12} "
                 f"falsified {_number(line.falsified):8.4f}  certified {_number(line.certified):8.4f}  "
-                f"candidates {line.candidates}  lost {line.cars_lost}  {line.seconds:5.1f} s",
+                f"candidates {line.candidates}  witnesses {line.witnesses}  {line.searches}  "
+                f"lost {line.cars_lost}  {line.seconds:5.1f} s",
                 flush=True,
             )
             write_lines(lines, arguments.output, "paper_table")
-    print(f"\n{markdown(lines)}\nwritten to {arguments.output}")
+    print(f"\n{markdown(lines, without=())}")
+    if "revised" in arguments.learners:
+        print(f"revised: a search is given up after {PATIENCE} candidates in a row that are no funnel")
+    if arguments.set:
+        print(f"with {' '.join(arguments.set)}")
+    print(f"written to {arguments.output}")
 
 
 if __name__ == "__main__":
