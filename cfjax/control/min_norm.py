@@ -22,6 +22,9 @@ from cfjax.control.law import Descent, Law
 from cfjax.problem.vehicle import Scalar
 
 
+LARGEST = 1e300  # of the multiplier
+
+
 @dataclass(frozen=True)
 class MinNorm(Law):
     """The least deviation from the feed-forward that decreases V as asked."""
@@ -67,7 +70,8 @@ def nearest_in_box(
     ]
     slope = sum(jnp.where(saturated[i], 0.0, gain[i] ** 2) for i in each) + softness
     left = excess - sum(jnp.where(saturated[i], gain[i] * room[i], 0.0) for i in each)
-    multiplier = jnp.maximum(left / jnp.where(slope > 0, slope, 1.0), 0.0)
+    # at V = 1 a compiler may see V > 1 here and not above: without a bound an input without authority is 0 · ∞
+    multiplier = jnp.clip(left / jnp.where(slope > 0, slope, 1.0), 0.0, LARGEST)
     moved = [jnp.where(saturated[i], room[i], jnp.minimum(multiplier * gain[i], room[i])) for i in each]
     return tuple(
         jnp.clip(centre[i] - jnp.sign(b[i]) * jnp.where(excess > 0, moved[i], 0.0) * half[i], lower[i], upper[i])

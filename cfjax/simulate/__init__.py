@@ -1,0 +1,1 @@
+"""`python -m cfjax.simulate FOLDER`: experiments with a certified run."""

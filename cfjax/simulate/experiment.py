@@ -1,0 +1,109 @@
+"""An experiment: a run's funnels, a plant, a sensor, a law and starts, from the words of a command line."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from cfjax.control import Law, law_named
+from cfjax.errors import InputError
+from cfjax.plants import HostPlant, Plant, Sensor, plant_named, sensor_named
+from cfjax.problem import Problem
+from cfjax.report.run_folder import read_run
+from cfjax.result import Result
+from cfjax.simulate.tube_course import along_path
+from cfjax.simulation.controller import Follower
+from cfjax.simulation.sampled import SampledLoop, drive_sampled
+from cfjax.simulation.starts import random_starts, read_starts, worst_starts
+from cfjax.simulation.track import Track, track_of
+from cfjax.verdict import Verdict
+
+
+PERIOD, PERIODS = 5e-3, 500  # s; and how many the reference time of the path has at least
+CARS, OTHERS_CARS = 1000, 20  # unless somebody says; of plants that are stepped one by one
+
+
+@dataclass(frozen=True)
+class Question:
+    """As on the command line, `cfjax.simulate`; None: what is usual."""
+
+    folder: Path
+    plant: str = "model"
+    noise: str = "none"
+    law: str = "min_norm"
+    n: int | None = None
+    period: float | None = None  # s
+    starts: str = "random"
+    seed: int = 0
+    laps: int = 1
+    path: Path | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """All that is driven."""
+
+    question: Question
+    result: Result  # of a tube's run as that of the path which is driven
+    track: Track
+    plant: Plant | HostPlant
+    sensor: Sensor
+    law: Law
+    period: float  # s
+    starts: Float[np.ndarray, "k n"]
+    theta: Float[np.ndarray, " k"] | None  # where on the path they start, where that is not looked for
+
+    @property
+    def problem(self) -> Problem:
+        return self.result.problem
+
+
+def ask(question: Question) -> Experiment:
+    """Read the run and build everything.
+
+    Raises:
+        InputError: says what was expected.
+    """
+    law = law_named(question.law)
+    if question.n is not None and question.n < 1:
+        raise InputError(f"--n: expected at least one car, got {question.n}")
+    result = read_run(question.folder)
+    if result.verdict is not Verdict.CERTIFIED:
+        raise InputError(f"{question.folder}: expected a certified run, this one is {result.verdict.value}")
+    if result.problem.path.tube or question.path:
+        result = along_path(result, question.path)
+    problem = result.problem
+    plant, sensor = plant_named(question.plant, problem.vehicle), sensor_named(question.noise, problem.vehicle)
+    track = track_of(problem, result.legs, question.laps)
+    duration = float(track.duration)
+    period = min(PERIOD, duration / PERIODS) if question.period is None else question.period
+    if not 0 < period < duration:
+        raise InputError(f"--period: expected seconds between 0 and the path's {duration:.4g}, got {period:g}")
+    count = question.n or (OTHERS_CARS if isinstance(plant, HostPlant) else CARS)
+    theta = None
+    if question.starts == "random":
+        starts = random_starts(problem, track, count, question.seed)
+    elif question.starts == "worst":
+        starts, theta = worst_starts(track, count, question.seed), np.zeros(count)
+    else:
+        starts = read_starts(problem, Path(question.starts))[: question.n]
+    return Experiment(question, result, track, plant, sensor, law, period, starts, theta)
+
+
+def run_experiment(experiment: Experiment) -> SampledLoop:
+    """Drive the cars; raises InputError as `drive_sampled` does."""
+    controller = Follower(experiment.track, jnp.asarray(experiment.period), experiment.law)
+    return drive_sampled(
+        experiment.problem,
+        experiment.result.legs,
+        controller,
+        experiment.plant,
+        experiment.starts,
+        period=experiment.period,
+        sensor=experiment.sensor,
+        theta=experiment.theta,
+        laps=experiment.question.laps,
+        seed=experiment.question.seed,
+    )

@@ -1,0 +1,61 @@
+"""Controllers as the sampled loop takes them: pure functions of (measurement, memory, time).
+
+A `Controller` is any such function that says where on the path it thinks the car is. `Follower` makes one of a law
+(`cfjax.control`): its memory is θ. Baselines, pure pursuit say, are other controllers.
+"""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from cfjax.control import Law, MinNorm
+from cfjax.plants import Measurement
+from cfjax.plants.plant import number
+from cfjax.simulation.track import Track
+
+
+class Controller(eqx.Module):
+    """One car's controller; the loop batches it. Numbers that change from run to run belong into array fields.
+
+    The memory is any pytree of arrays. What `theta` says of it decides where the car is looked at (V, S, arrival): of
+    the memory before a call of `act` the place at the sample, after it the place where the car is to be when the next
+    sample comes. In between θ runs evenly.
+    """
+
+    @abc.abstractmethod
+    def start(self, state: Float[Array, " n"], theta: Float[Array, ""]) -> Any:
+        """The memory of a car that is put down at this state, at θ (s) along the path."""
+
+    @abc.abstractmethod
+    def act(self, measurement: Measurement, memory: Any, time: Float[Array, ""]) -> tuple[Float[Array, " m"], Any]:
+        """The physical command that is held until the next sample (time in s), and the memory at that sample."""
+
+    @abc.abstractmethod
+    def theta(self, memory: Any) -> Float[Array, ""]:
+        """Where along the path, s."""
+
+
+class Follower(Controller):
+    """A funnel's law, sampled: it reads the reference at its θ, which moves on by u0 h while inputs are held."""
+
+    track: Track
+    period: Float[Array, ""] = eqx.field(converter=number)  # h, s
+    law: Law = eqx.field(static=True, default=MinNorm())
+
+    def start(self, state: Float[Array, " n"], theta: Float[Array, ""]) -> Float[Array, ""]:
+        return theta
+
+    def act(
+        self, measurement: Measurement, memory: Float[Array, ""], time: Float[Array, ""]
+    ) -> tuple[Float[Array, " m"], Float[Array, ""]]:
+        track, place = self.track, self.track.at(memory)
+        x = track.deviation(place, measurement.state)
+        pace, *inputs = self.law(track.vehicle, track.template, place.numbers, place.point, place.since, tuple(x))
+        command = track.vehicle.command(tuple(inputs))
+        return jnp.stack([jnp.asarray(entry, float) for entry in command]), memory + self.period * pace
+
+    def theta(self, memory: Float[Array, ""]) -> Float[Array, ""]:
+        return memory

@@ -1,0 +1,107 @@
+"""The funnels along a path as arrays, for one car at a time: which funnel holds at θ, the reference there, and V.
+
+θ counts along the whole path, in s. On a path whose end meets its start it goes on into the next lap, and below 0 lies
+the one before; on others the last funnel and the last piece of the reference go on past the end.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from cfjax.control import LawNumbers, law_numbers
+from cfjax.errors import InputError
+from cfjax.funnel import Leg, Template
+from cfjax.problem import Problem, ReferencePoint, Vehicle, to_deviation
+from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
+
+
+class Place(NamedTuple):
+    """What there is at one θ; scalars, and the arrays of one funnel."""
+
+    since: Float[Array, ""]  # θ as the funnel counts it, s
+    numbers: LawNumbers
+    point: ReferencePoint
+    pose: tuple[Array, Array, Array]  # heading (rad) and position (m) of the reference
+
+
+class Track(eqx.Module):
+    """Legs along a path; every array has a leading axis of legs, but for the path's pieces."""
+
+    vehicle: Vehicle = eqx.field(static=True)
+    template: Template = eqx.field(static=True)
+    numbers: LawNumbers
+    begin: Float[Array, " l"]
+    profiles: Pieces
+    poses: Pieces
+    duration: Float[Array, ""]  # of one lap, s
+    laps: Float[Array, ""]  # 1 on a path that does not close
+    closed: Float[Array, ""]  # 1 where the end meets the start: then θ < 0 is the end of the lap before; else 0
+    safe: Float[Array, " n"]  # half-widths of S; infinite where there is none
+    goal: Float[Array, " n"]  # half-axes of G
+
+    @property
+    def end(self) -> Float[Array, ""]:
+        """θ at which the last lap ends, s."""
+        return self.laps * self.duration
+
+    def at(self, theta: Float[Array, ""]) -> Place:
+        """The funnel and the reference at θ; where two funnels meet, the later one."""
+        lap = jnp.clip(jnp.floor(theta / self.duration), -self.closed, self.laps - 1)
+        own = theta - lap * self.duration
+        leg = jnp.clip(jnp.searchsorted(self.begin, own, side="right") - 1, 0, self.begin.shape[0] - 1)
+        leg = 0 if self.begin.shape[0] == 1 else leg  # one for all is no look-up
+        numbers = jax.tree.map(lambda leaf: leaf[leg], self.numbers)
+        point = point_at(self.profiles, self.profiles.find(own), own)
+        alpha, x, y = (value for value, _ in self.poses.at(self.poses.find(own), own))
+        point, pose = jax.tree.map(lambda value: jnp.asarray(value, float).reshape(()), (point, (alpha, x, y)))
+        return Place(own - self.begin[leg], numbers, point, pose)
+
+    def deviation(self, place: Place, state: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Of a car's state (α, x, y, ξ…) from the reference, in its frame; the heading in [−π, π)."""
+        return jnp.stack(to_deviation(self.vehicle, tuple(state), place.pose, place.point))
+
+    def value(self, place: Place, x: Float[Array, " n"]) -> Float[Array, ""]:
+        """V at a deviation."""
+        form = x @ place.numbers.shape @ x
+        return jnp.asarray(self.template.value(place.numbers.rate, place.since, form), float)
+
+    def gradient(self, place: Place, x: Float[Array, " n"]) -> Float[Array, " n"]:
+        """∂V/∂x, but for a factor that is positive."""
+        return place.numbers.shape @ x
+
+
+def track_of(problem: Problem, legs: Sequence[Leg], laps: int = 1) -> Track:
+    """The track of a path's legs (`Result.legs`); several laps need a path that closes.
+
+    Raises:
+        InputError: for a tube, which has no course; for laps of a path that does not close; for funnels of several
+            templates.
+    """
+    path = problem.path
+    if path.tube:
+        raise InputError(f"path {path.name}: expected segments, got a tube, which has no course")
+    if laps < 1 or (laps > 1 and not path.closed):
+        raise InputError(f"laps: expected 1 on the path {path.name}, whose end does not meet its start, got {laps}")
+    # at rate 0 every template is V = xᵀCx, so a tube's goes with any
+    templates = {leg.funnel.template.name: leg.funnel.template for leg in legs if leg.funnel.rate}
+    if len(templates) > 1:
+        raise InputError(f"legs: expected funnels of one template, got {' and '.join(sorted(templates))}")
+    numbers = [law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre) for leg in legs]
+    return Track(
+        vehicle=problem.vehicle,
+        template=next(iter(templates.values()), legs[0].funnel.template),
+        numbers=jax.tree.map(lambda *leaves: jnp.stack(leaves), *numbers),
+        begin=jnp.array([0.0, *(float(leg.end) for leg in legs[:-1])]),
+        profiles=profiles_of(path),
+        poses=poses_of(path),
+        duration=jnp.asarray(float(np.sum([segment.duration for segment in path.curve]))),
+        laps=jnp.asarray(float(laps)),
+        closed=jnp.asarray(float(path.closed)),
+        safe=jnp.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension),
+        goal=jnp.array(problem.goal.half_axes),
+    )
