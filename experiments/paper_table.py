@@ -115,6 +115,44 @@ def run(row: str, template: str, method: str, learner: str, cars: int, more: Seq
     )
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """One row for all learners: what a learner found, certified, in 1/s; figures in the order of the learners."""
+
+    row: str
+    template: str
+    method: str
+    paper: str
+    gradient: float | None
+    polytope: float | None
+    revised: float | None
+    candidates: str
+    witnesses: str
+    searches: str
+    seconds: str
+
+
+def compared(lines: Sequence[Line]) -> list[Comparison]:
+    """The lines side by side, those of the paper's learner and its relatives beside gradients."""
+    found: dict[tuple[str, str, str], dict[str, Line]] = {}
+    for line in lines:
+        found.setdefault((line.row, line.template, line.method), {})[line.learner] = line
+
+    def told(of: dict[str, Line], name: str) -> str:
+        values = (getattr(of[learner], name) for learner in LEARNERS if learner in of)
+        return " / ".join(f"{v:.0f}" if isinstance(v, float) else str(v) for v in values if v not in (None, ""))
+
+    return [
+        Comparison(
+            *case,
+            next(iter(of.values())).paper,
+            *(of[learner].certified if learner in of else None for learner in LEARNERS),
+            *(told(of, name) for name in ("candidates", "witnesses", "searches", "seconds")),
+        )
+        for case, of in found.items()
+    ]
+
+
 def _number(margin: float | None) -> float:
     return math.nan if margin is None else margin
 
@@ -142,6 +180,8 @@ def main() -> None:
             )
             write_lines(lines, arguments.output, "paper_table")
     print(f"\n{markdown(lines, without=())}")
+    if len(arguments.learners) > 1:
+        print(markdown(compared(lines), without=()))
     if "revised" in arguments.learners:
         print(f"revised: a search is given up after {PATIENCE} candidates in a row that are no funnel")
     if arguments.set:

@@ -1,5 +1,6 @@
 """learner=polytope from a problem to a proof and a run folder, with demonstrations by model-predictive control."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from cfjax.learner.run import PolytopeLearned
 from cfjax.options import Elimination
 from cfjax.report.run_folder import read_run, write_run
 from cfjax.result import Result
+from experiments.paper_table import Line, compared
 
 
 OVERRIDES = ["learner=polytope", "template=paper", "polytope.climb=false", "cars=20"]
@@ -65,3 +67,17 @@ def test_demonstrations_come_in_batches_of_one_size(monkeypatch: pytest.MonkeyPa
     found = cfjax.search(problem_of(config), options_of(config))
     assert found.message == "not asked" and found.search["runs"] == []
     assert counts == [(8, 8)] * 3
+
+
+def test_the_table_puts_learners_side_by_side() -> None:
+    def line(learner: str, certified: float | None, **figures: object) -> Line:
+        known = {name.name: None for name in fields(Line)} | {"row": "circle", "template": "paper", "method": "tt"}
+        return Line(**known | {"learner": learner, "certified": certified, "paper": "found"} | figures)
+
+    lines = [
+        line("gradient", 0.3, candidates=4, searches="", seconds=9.0),
+        line("polytope", None, candidates=9, witnesses=40, searches="1 too small", seconds=2.0),
+    ]
+    (row,) = compared(lines)
+    assert (row.gradient, row.polytope, row.revised, row.paper) == (0.3, None, None, "found")
+    assert (row.candidates, row.witnesses, row.searches, row.seconds) == ("4 / 9", "40", "1 too small", "9 / 2")
