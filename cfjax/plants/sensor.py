@@ -20,7 +20,7 @@ from cfjax.errors import InputError
 from cfjax.plants.plant import number
 
 
-MOST_REMEMBERED = 4096  # control periods of delay
+FEWEST_REMEMBERED, MOST_REMEMBERED = 16, 4096  # control periods of delay
 
 
 class Measurement(NamedTuple):
@@ -59,10 +59,10 @@ class Sensor(eqx.Module):
         Raises:
             InputError: for more of them than make sense.
         """
-        needed = math.ceil(float(self.delay + self.jitter) / period + 1e-9) + 2
+        needed = math.ceil(float(self.delay + self.jitter) / period - 1e-9) + 2
         if not needed <= MOST_REMEMBERED:
             raise InputError(f"noise: expected a delay of at most {MOST_REMEMBERED - 2} periods of {period:g} s")
-        return 2 ** math.ceil(math.log2(needed))
+        return max(FEWEST_REMEMBERED, 2 ** math.ceil(math.log2(needed)))
 
     def start(self, state: Float[Array, " n"], remembered: int) -> Memory:
         """Before the first sample; what is told until one arrives is where the car was put."""

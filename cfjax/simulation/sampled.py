@@ -406,7 +406,7 @@ def _chunk(
     plant: Plant,
     cars: Car,
     z: Array,
-    keys: PRNGKeyArray,
+    keys: Array,
     first: Array,
     shown: Array,
     step: Array,
@@ -439,7 +439,7 @@ def _integrate(
     world: World,
     plant: Plant,
     cars: Car,
-    keys: PRNGKeyArray,
+    keys: Array,
     states: Array,
     shown: Int[np.ndarray, " r"],
     step: float,
@@ -459,7 +459,7 @@ def _integrate(
 
 
 @eqx.filter_jit
-def _decide_all(world: World, cars: Car, keys: PRNGKeyArray, number: Array) -> tuple[Car, Held, Record]:
+def _decide_all(world: World, cars: Car, keys: Array, number: Array) -> tuple[Car, Held, Record]:
     def one(car: Car, key: PRNGKeyArray) -> tuple[Car, Held, Record]:
         _, key_sensor = jax.random.split(key)
         car, held = _decide(world, car, jax.random.fold_in(key_sensor, number))
@@ -491,7 +491,7 @@ def _step_others(
     world: World,
     plant: HostPlant,
     cars: Car,
-    keys: PRNGKeyArray,
+    keys: Array,
     states: Float[np.ndarray, "k n"],
     shown: Int[np.ndarray, " r"],
 ) -> tuple[Car, list[Record]]:
@@ -556,7 +556,7 @@ def _summary(
         failed=~finite,
         largest_lateral=np.asarray(cars.largest_lateral),
         rms_lateral=np.sqrt(np.asarray(cars.squared_lateral) / time),
-        saturation=np.asarray(cars.saturated) / time[:, None],
+        saturation=np.minimum(np.asarray(cars.saturated) / time[:, None], 1.0),  # an event may cut a hold short
         clearance=np.asarray(cars.clearance),
         samples=Samples(**kept._asdict(), cars=shown),
     )

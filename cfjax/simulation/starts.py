@@ -3,6 +3,7 @@
 import csv
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,8 +23,7 @@ INSIDE = 1e-12  # relative: by how much the worst starts lie inside, for roundin
 def in_world(track: Track, x: Float[Array, "k n"]) -> Float[np.ndarray, "k n"]:
     """States (α, x, y, ξ…; world frame) at deviations from the start of the path."""
     place = track.at(jnp.zeros(()))
-    states = jax.vmap(lambda own: jnp.stack(to_state(track.vehicle, tuple(own), place.pose, place.point)))(x)
-    return np.asarray(states)
+    return np.asarray(jnp.stack(to_state(track.vehicle, tuple(x.T), place.pose, place.point), axis=-1))
 
 
 def random_starts(problem: Problem, track: Track, count: int, seed: int = 0) -> Float[np.ndarray, "k n"]:
@@ -37,8 +37,13 @@ def worst_starts(track: Track, count: int, seed: int = 0) -> Float[np.ndarray, "
     The best of many by −min V̇ over the inputs, in 1/s. A third of the candidates lie where one input, or all of them,
     have no authority over V: there the least is, and random points miss these surfaces.
     """
-    key_sample, key_mask = jax.random.split(jax.random.key(seed))
-    tried = max(CANDIDATES, 8 * count)
+    return in_world(track, _worst(track, jax.random.key(seed), max(CANDIDATES, 8 * count), count))
+
+
+@eqx.filter_jit
+def _worst(track: Track, key: Array, tried: int, count: int) -> Float[Array, "count n"]:
+    """The deviations of `worst_starts`."""
+    key_sample, key_mask = jax.random.split(key)
     place = track.at(jnp.zeros(()))
     shape, n = place.numbers.shape, place.numbers.shape.shape[0]
     gradient = jax.random.normal(key_sample, (tried, n)) @ jnp.linalg.cholesky(shape).T
@@ -50,8 +55,14 @@ def worst_starts(track: Track, count: int, seed: int = 0) -> Float[np.ndarray, "
     x = jnp.linalg.solve(shape, jnp.where(mask, 0.0, gradient).T).T
     level = track.template.level(place.numbers.rate, place.since)
     x = x * ((1 - INSIDE) * jnp.sqrt(level / jnp.einsum("ki,ij,kj->k", x, shape, x)))[:, None]
-    least = jax.vmap(lambda own: _rates(track, own)[0])(x)
-    return in_world(track, x[jnp.argsort(-least)[:count]])
+    least = least_rates(track, x)
+    return x[jnp.argsort(-least)[:count]]
+
+
+@eqx.filter_jit
+def least_rates(track: Track, x: Float[Array, "k n"]) -> Float[Array, " k"]:
+    """min V̇ over the inputs (1/s) at deviations from the path's start."""
+    return jax.vmap(lambda own: _rates(track, own)[0])(x)
 
 
 def _rates(track: Track, x: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, " m"]]:

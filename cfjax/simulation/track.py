@@ -56,8 +56,9 @@ class Track(eqx.Module):
         leg = jnp.clip(jnp.searchsorted(self.begin, own, side="right") - 1, 0, self.begin.shape[0] - 1)
         leg = 0 if self.begin.shape[0] == 1 else leg  # one for all is no look-up
         numbers = jax.tree.map(lambda leaf: leaf[leg], self.numbers)
-        point = point_at(self.profiles, self.profiles.find(own), own)
-        alpha, x, y = (value for value, _ in self.poses.at(self.poses.find(own), own))
+        here = own[None]  # the path is read for many at once
+        point = point_at(self.profiles, self.profiles.find(here), here)
+        alpha, x, y = (value for value, _ in self.poses.at(self.poses.find(here), here))
         point, pose = jax.tree.map(lambda value: jnp.asarray(value, float).reshape(()), (point, (alpha, x, y)))
         return Place(own - self.begin[leg], numbers, point, pose)
 

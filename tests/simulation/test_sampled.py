@@ -1,0 +1,299 @@
+"""The sampled loop: against the continuous one, under disturbance, delay and plants that break."""
+
+import itertools
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from cfjax.control import locate
+from cfjax.errors import InputError
+from cfjax.funnel import Funnel, Leg, template_named
+from cfjax.plants import Disturbed, Model, Scene, SlipX, sensor_named
+from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight
+from cfjax.simulation.controller import Controller, Follower
+from cfjax.simulation.rollout import drive_cars
+from cfjax.simulation.sampled import SampledLoop, drive_sampled
+from cfjax.simulation.starts import in_world, least_rates, random_starts, read_starts, worst_starts
+from cfjax.simulation.track import Track, track_of
+
+
+PERIOD, CARS = 0.01, 16  # one number of cars nearly everywhere: compiled once
+SAFE = Box((1.0, 1.0, 1.0, 3.0))
+# of a learned funnel
+SHAPE = np.array(
+    [
+        [1.766, -1.243, 0.7253, 0.4586],
+        [-1.243, 3.263, 0.5496, -0.1013],
+        [0.7253, 0.5496, 3.294, 1.001],
+        [0.4586, -0.1013, 1.001, 1.08],
+    ]
+)
+
+
+@lru_cache
+def lap(safe: Box | None = None) -> tuple[Problem, list[Leg], Track]:
+    """The paper's circle with its funnel; without S, of which few tests speak and which takes long to compile."""
+    problem = Problem(circle(), inlet=ball(0.4), safe=safe)
+    duration = problem.path.curve[0].duration
+    legs = [Leg(duration, Funnel(template_named("contracting"), SHAPE, 0.3005, duration), 2.61)]
+    return problem, legs, track_of(problem, legs)
+
+
+def drive(plant=None, starts=None, *, period: float = PERIOD, noise: str = "none", safe=None, **options) -> SampledLoop:
+    problem, legs, track = lap(safe)
+    starts = random_starts(problem, track, CARS) if starts is None else starts
+    plant = Model(problem.vehicle) if plant is None else plant
+    options = {
+        "period": period,
+        "sensor": sensor_named(noise, problem.vehicle),
+        "theta": np.zeros(len(starts)),
+    } | options
+    return drive_sampled(problem, legs, Follower(track, period), plant, starts, **options)
+
+
+def test_short_periods_are_the_continuous_loop() -> None:
+    """Same starts, same law: arrival and largest V agree to first order in the period."""
+    problem, legs, _track = lap()
+    _, rollouts = drive_cars(problem, legs, cars=CARS, seed=0)
+    continuous = rollouts.clock[-1]
+    apart = []
+    for period in (0.04, 0.02, 0.01):
+        loop = drive(period=period)
+        assert loop.arrived.all() and loop.in_goal.all()
+        apart.append(np.abs(loop.time - continuous).max())
+    assert apart[-1] < 2e-3
+    assert all(1.6 < before / after < 2.4 for before, after in itertools.pairwise(apart)), apart
+
+
+def test_theta_runs_with_the_law_and_arrives_exactly() -> None:
+    loop = drive()
+    _, _, track = lap()
+    np.testing.assert_allclose(loop.samples.theta[-1], float(track.end), rtol=1e-12)
+    assert (np.diff(loop.samples.theta, axis=0) >= 0).all()
+    assert np.ptp(loop.time) > 1e-3  # they arrive within periods, not at their ends
+    assert (np.abs(loop.time / PERIOD - np.round(loop.time / PERIOD)) > 1e-3).any()
+
+
+def test_the_adversary_raises_v_more_than_chance() -> None:
+    vehicle, bound = lap()[0].vehicle, np.full(4, 0.1)
+    chance, hostile = (drive(Disturbed(vehicle, bound, kind)).samples.value for kind in ("random", "adversarial"))
+    half = min(len(chance), len(hostile)) // 2
+    assert (hostile[half] > 1.2 * chance[half]).all()
+
+
+def test_no_disturbance_within_the_bounds_raises_v_faster_than_the_adversary() -> None:
+    vehicle, bound = lap()[0].vehicle, jnp.array([0.3, 0.2, 0.5, 0.4])
+    gradient, heading = jnp.array([0.4, -1.0, 0.2, -0.3]), jnp.asarray(0.7)
+    c, s = np.cos(0.7), np.sin(0.7)
+    turn = np.array([[1, 0, 0, 0], [0, c, s, 0], [0, -s, c, 0], [0, 0, 0, 1]])  # into the reference's frame
+    state, command, scene = jnp.array([0.1, 1.0, 2.0, 1.5]), jnp.array([0.1, 0.0]), Scene(heading, gradient)
+
+    def pushed(plant) -> float:
+        added = plant.rate(state, command, plant.draw(jax.random.key(0), jnp.zeros(())), scene)
+        return float(gradient @ (turn @ (added - Model(vehicle).rate(state, command, jnp.zeros(0), scene))))
+
+    assert pushed(Disturbed(vehicle, bound, "adversarial")) == pytest.approx(float(jnp.abs(gradient) @ bound))
+
+
+def test_disturbance_acts_in_the_deviations_own_rates() -> None:
+    """On top of the model's rate, for every deviation: by finite differences of the deviation along a short hold."""
+    problem, _, track = lap()
+    added, step, theta = jnp.array([0.3, -0.2, 0.5, 0.4]), 1e-6, jnp.asarray(1.3)
+    plain, pushed = Model(problem.vehicle), Disturbed(problem.vehicle, added, "constant")
+    place, later = track.at(theta), track.at(theta + step)
+    scene = Scene(place.pose[0], jnp.zeros(4))
+    state = in_world(track, jnp.array([[0.1, 0.2, -0.1, 0.3]]))[0]
+    command, key = jnp.array([0.2, 0.5]), jax.random.key(0)
+    x = [
+        track.deviation(later, state + step * plant.rate(jnp.array(state), command, plant.draw(key, theta), scene))
+        for plant in (plain, pushed)
+    ]
+    np.testing.assert_allclose((x[1] - x[0]) / step, added, atol=1e-5)
+
+
+def test_random_disturbance_holds_as_long_as_it_says() -> None:
+    plant = Disturbed(lap()[0].vehicle, np.ones(4), "random", 0.1)
+    key = jax.random.key(1)
+    drawn = np.stack([plant.draw(key, jnp.asarray(0.01 * k)) for k in range(40)])
+    assert len(np.unique(drawn[:, 0])) == 4
+    assert (np.abs(drawn) <= 1).all() and (np.diff(drawn[:10], axis=0) == 0).all()
+
+
+def test_delay_makes_it_worse_and_seeds_repeat() -> None:
+    prompt, late = drive(), drive(noise="delay=0.6")
+    half = len(prompt.samples.value) // 2
+    assert late.samples.value[half].mean() > 2 * prompt.samples.value[half].mean()
+    noisy = [drive(noise="mocap,delay=0.1,jitter=0.01", seed=seed).time for seed in (3, 3, 4)]
+    np.testing.assert_array_equal(noisy[0], noisy[1])
+    assert (noisy[0] != noisy[2]).any()
+
+
+def test_the_samples_show_what_was_measured() -> None:
+    loop = drive(noise="delay=0.1")
+    samples, back = loop.samples, round(0.1 / PERIOD)
+    np.testing.assert_allclose(samples.measured[back:300], samples.state[: 300 - back], atol=1e-9)
+    np.testing.assert_allclose(samples.measured[:back], np.broadcast_to(samples.state[:1], samples.state[:back].shape))
+
+
+def test_leaving_s_ends_a_drive_where_it_happens() -> None:
+    """Adaptive steps; without an end to the drive a car is seen outside a little later, within a period."""
+    problem, _, _ = lap()
+    push = Disturbed(problem.vehicle, np.array([0.0, 3.0, 0.0, 0.0]), "constant")
+    loop = drive(push, safe=SAFE, tolerance=1e-9)
+    assert loop.left_safe.all() and not loop.arrived.any()
+    np.testing.assert_allclose(loop.time, loop.left_safe_at)
+    assert (np.abs(loop.time / PERIOD - np.round(loop.time / PERIOD)) > 1e-3).any()
+    at = np.abs(loop.samples.deviation[-1] / np.array(SAFE.half_widths)).max(axis=1)
+    np.testing.assert_allclose(at, 1.0, atol=1e-7)  # at the instant, not at the end of the period
+
+
+def test_a_start_outside_s_is_told_and_driven_on() -> None:
+    problem, _, track = lap()
+    deviations = np.zeros((CARS, 4))
+    deviations[:, 1] = np.where(np.arange(CARS) == 0, 1.1, 0.1)
+    calm = Disturbed(problem.vehicle, np.zeros(4), "constant")
+    loop = drive(calm, in_world(track, jnp.array(deviations)), safe=SAFE, tolerance=1e-9)
+    np.testing.assert_array_equal(loop.left_safe, np.arange(CARS) == 0)
+    assert loop.left_safe_at[0] == 0 and loop.arrived.all()
+
+
+def test_a_plant_that_breaks_ends_the_drive_and_nothing_else() -> None:
+    loop = drive(Disturbed(lap()[0].vehicle, np.full(4, np.nan), "random"))
+    assert loop.failed.all() and not loop.arrived.any() and not loop.success.any()
+    assert np.isfinite(loop.largest_value).all() and (loop.time == 0).all()
+
+
+def test_laps_go_on_and_cars_before_the_line_have_to_cross_it() -> None:
+    problem, legs, track = lap()
+    duration = float(track.duration)
+    start = in_world(track, jnp.zeros((CARS, 4)))
+    two = track_of(problem, legs, 2)
+    loop = drive_sampled(
+        problem, legs, Follower(two, PERIOD), Model(problem.vehicle), start, period=PERIOD, laps=2, theta=np.zeros(CARS)
+    )
+    assert loop.arrived.all()
+    np.testing.assert_allclose(loop.time, 2 * duration, rtol=1e-3)
+    back = jax.vmap(track.at)(jnp.array([duration - 0.5]))
+    behind = np.array([[*(float(entry[0]) for entry in back.pose), float(back.point.speed[0])]])
+    found = drive(starts=np.repeat(behind, CARS, axis=0), theta=None)
+    np.testing.assert_allclose(found.theta, -0.5, atol=1e-5)
+    np.testing.assert_allclose(found.time, duration + 0.5, rtol=1e-3)
+
+
+def test_theta_starts_where_v_is_smallest() -> None:
+    problem, legs, track = lap()
+    starts = random_starts(problem, track, CARS)
+    loop = drive(starts=starts, theta=None)
+    found = locate(problem, legs, starts)
+    np.testing.assert_allclose(loop.start_value, found.value, rtol=1e-9)
+
+
+class Still(Controller):
+    """Holds one command and believes that it goes as planned: what any other controller looks like."""
+
+    command: jax.Array
+    period: jax.Array
+
+    def start(self, state, theta):
+        return theta
+
+    def act(self, measurement, memory, time):
+        return self.command, memory + self.period
+
+    def theta(self, memory):
+        return memory
+
+
+def test_any_controller_drives_and_its_saturation_is_counted() -> None:
+    problem, legs, track = lap()
+    start = in_world(track, jnp.zeros((2, 4)))
+    turn = float(np.arctan(problem.vehicle.wheelbase / 1.5))  # the circle's own steering angle
+    options = {"period": PERIOD, "theta": np.zeros(2)}
+    fair = Still(jnp.array([turn, 0.0]), jnp.asarray(PERIOD))
+    loop = drive_sampled(problem, legs, fair, Model(problem.vehicle), start, **options)
+    assert loop.success.all() and loop.largest_lateral.max() < 1e-6
+    np.testing.assert_array_equal(loop.saturation, 0.0)
+    full = Still(jnp.array([2.0, 0.0]), jnp.asarray(PERIOD))
+    loop = drive_sampled(problem, legs, full, Model(problem.vehicle), start, **options)
+    np.testing.assert_allclose(loop.saturation, [[1.0, 0.0]] * 2)
+    np.testing.assert_allclose(loop.samples.command[..., 0], np.pi / 4)
+
+
+def test_numbers_of_plant_sensor_and_controller_compile_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    vehicle = lap()[0].vehicle
+    drive(Disturbed(vehicle, np.full(4, 0.01), "random"), noise="delay=0.02,heading=0.01")
+    with jax.log_compiles(), caplog.at_level("WARNING"):
+        drive(Disturbed(vehicle, np.full(4, 0.02), "random"), noise="delay=0.015,heading=0.02")
+    assert not [record for record in caplog.records if "_chunk" in record.getMessage()]
+
+
+def test_the_worst_starts_lie_on_the_inlet_and_are_worse_than_chance() -> None:
+    _, _, track = lap()
+    place = track.at(jnp.zeros(()))
+
+    worst = jax.vmap(lambda state: track.deviation(place, state))(jnp.array(worst_starts(track, 20)))
+    np.testing.assert_allclose(jax.vmap(lambda x: track.value(place, x))(worst), 1.0, atol=1e-9)
+    direction = jax.random.normal(jax.random.key(5), (2000, 4))
+    chance = direction / jnp.sqrt(jnp.einsum("ki,ij,kj->k", direction, place.numbers.shape, direction))[:, None]
+    worst_rate, chance_rate = np.asarray(least_rates(track, worst)), np.asarray(least_rates(track, chance))
+    assert worst_rate.max() > chance_rate.max()
+    assert worst_rate.min() > np.quantile(chance_rate, 0.99)
+
+
+def test_others_plants_are_stepped() -> None:
+    pytest.importorskip("slipx")
+    vehicle = KinematicBicycle(wheelbase=0.32)
+    problem = Problem(straight(), inlet=ball(0.2), vehicle=vehicle)
+    legs = [Leg(2.0, Funnel(template_named("contracting"), SHAPE, 0.05, 2.0), 1.0)]
+    track = track_of(problem, legs)
+    starts = random_starts(problem, track, 3)
+    controller = Follower(track, 0.02)
+    loop = drive_sampled(problem, legs, controller, SlipX(vehicle), starts, period=0.02, looks=2)
+    assert loop.arrived.all() and not loop.failed.any()
+    np.testing.assert_allclose(loop.time, 2.0, rtol=0.25)
+
+    class Broken(SlipX):
+        def hold(self, own, command, duration):
+            if own.pos.x > 0:
+                raise RuntimeError("the simulator gave up")
+            return super().hold(own, command, duration)
+
+    loop = drive_sampled(problem, legs, controller, Broken(vehicle), starts, period=0.02, looks=2)
+    assert loop.failed.all() and np.isfinite(loop.largest_value).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"period": 0.0}, "positive number of seconds"),
+        ({"period": 1e-9}, "expected at least"),
+        ({"looks": 0}, "at least one per period"),
+    ],
+)
+def test_bad_questions_are_refused(options: dict, message: str) -> None:
+    problem, legs, track = lap()
+    start = in_world(track, jnp.zeros((1, 4)))
+    given = {"period": PERIOD} | options
+    with pytest.raises(InputError, match=message):
+        drive_sampled(problem, legs, Follower(track, PERIOD), Model(problem.vehicle), start, **given)
+    with pytest.raises(InputError, match="laps"):
+        track_of(Problem(straight()), legs, 2)
+
+
+def test_starts_from_a_file(tmp_path) -> None:
+    problem = lap()[0]
+    file = tmp_path / "starts.csv"
+    file.write_text("name, v,alpha,x,y\na,1.5,0.1,1.4,0\nb,1,0,1.5,0.2\n")
+    np.testing.assert_array_equal(read_starts(problem, file), [[0.1, 1.4, 0, 1.5], [0, 1.5, 0.2, 1]])
+    for content, message in (
+        ("alpha,x,y\n0,0,0\n", "v is missing"),
+        ("alpha,x,y,v\n0,0,0,fast\n", "row 2"),
+        ("alpha,x,y,v\n0,0,0,inf\n", "row 2"),
+        ("alpha,x,y,v\n", "at least one state"),
+    ):
+        file.write_text(content)
+        with pytest.raises(InputError, match=message):
+            read_starts(problem, file)

@@ -1,0 +1,101 @@
+"""`python -m cfjax.simulate`: what it writes, and what it says to bad input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import cfjax.simulate.__main__ as command
+from cfjax.problem import Problem, circle, tube
+from cfjax.simulate import experiment
+from cfjax.simulate.tube_course import winding
+from cfjax.verdict import Verdict
+
+
+def test_it_writes_summary_cars_picture_and_animation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, hand_made
+) -> None:
+    run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
+    monkeypatch.setattr(experiment, "read_run", lambda folder: run)
+    monkeypatch.setattr("cfjax.report.animation.FRAMES", 3)
+    arguments = ["--n", "4", "--period", "0.1", "--noise", "mocap", "--animate", "--out", str(tmp_path / "out")]
+    assert command.main([str(tmp_path), *arguments]) == 0
+    out = tmp_path / "out"
+    assert capsys.readouterr().out.splitlines()[-1] == f"simulation: {out}"
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["cars"] == 4 and summary["question"]["noise"] == "mocap" and summary["period"] == 0.1
+    assert len((out / "cars.csv").read_text().splitlines()) == 5
+    with Image.open(out / "simulation.gif") as film, Image.open(out / "simulation.png") as picture:
+        assert getattr(film, "n_frames", 1) > 1 and picture.width > 500
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(experiment, "drive_sampled", lambda *_, **__: interrupted())
+    assert command.main([str(tmp_path), *arguments]) == 130
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--plant", "hovercraft"], "plant: expected one of model, disturbed"),
+        (["--noise", "fog"], "noise: expected one of none, mocap, wifi"),
+        (["--law", "pid"], "law: expected one of min_norm"),
+        (["--n", "0"], "--n: expected at least one car"),
+        (["--period", "-1"], "--period: expected seconds between 0 and"),
+        (["--starts", "nowhere.csv"], "--starts: expected random, worst or a CSV file"),
+        (["--path", "points.csv"], "--path: expected the run of a tube"),
+        (["--laps", "0"], "laps: expected 1"),
+        (["--plant", "commonroad"], "vehicle.wheelbase within 10 % of 2.579 m"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+    hand_made,
+) -> None:
+    if arguments[1] == "commonroad":
+        pytest.importorskip("vehiclemodels")
+    run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
+    monkeypatch.setattr(experiment, "read_run", lambda folder: run)
+    assert command.main([str(tmp_path), *arguments]) == 2
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1
+
+
+def test_no_run_an_uncertified_one_and_words_that_are_no_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, hand_made
+) -> None:
+    assert command.main([str(tmp_path / "nowhere")]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        command.main([str(tmp_path), "--n", "many"])
+    monkeypatch.setattr(experiment, "read_run", lambda folder: hand_made(Problem(circle())))
+    assert command.main([str(tmp_path)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 3 and "expected a certified run" in said[-1]
+
+
+def test_a_missing_extra_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    from cfjax.errors import InputError
+    from cfjax.plants import plant_named
+    from cfjax.problem import KinematicBicycle
+
+    monkeypatch.setitem(sys.modules, "slipx", None)
+    with pytest.raises(InputError, match="pip install slipx"):
+        plant_named("slipx", KinematicBicycle())
+
+
+def test_the_winding_path_reaches_nearly_both_ends_of_the_tube() -> None:
+    bounds = tube(1.2, 2.0).tube
+    assert bounds is not None
+    (segment,) = winding(bounds).curve
+    theta = np.linspace(0, segment.duration, 2001)
+    curvature = segment.turn_rate.polynomial(theta) / 2.0
+    assert 1.1 < curvature.max() <= 1.2 and -1.2 <= curvature.min() < -1.1
