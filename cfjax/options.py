@@ -66,6 +66,7 @@ class Options:
     restarts: int = 4
     seed: int = 0
     rounds: int = 3  # of the learn–certify loop, at most
+    robustness: bool = True  # what a certified funnel absorbs is proven too
     cars: int = 10_000  # driven through the funnel; 0 for none
 
     def __post_init__(self) -> None:

@@ -52,6 +52,31 @@ class ClosedLoop:
 
 
 @dataclass(frozen=True)
+class Absorbed:
+    """Amounts: inputs held for `period` s, rates off by `disturbance` a second, the pose off by `pose_error` and
+    `delay` s old; by state, in its unit.
+    """
+
+    period: float
+    disturbance: tuple[float, ...]
+    pose_error: tuple[float, ...]
+    delay: float
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """What certified funnels absorb under a law that inherits the certificate: proven (`cfjax.check.robustness`).
+
+    `alone` has each by itself, of disturbance and pose error in one state at a time; `together` all at once, from
+    starts with V ≤ `level`, which then stay there.
+    """
+
+    alone: Absorbed
+    together: Absorbed
+    level: float
+
+
+@dataclass(frozen=True)
 class Rollouts:
     """Recorded cars: clock and θ (s), deviations, and V; axes (time, car[, state]). Arrived cars stay at θ = T.
 
@@ -74,6 +99,7 @@ class Result:
     message: str
     problem: Problem
     segments: tuple[SegmentResult, ...] = ()
+    robustness: Robustness | None = None
     closed_loop: ClosedLoop | None = None
     rollouts: tuple[Rollouts, ...] = ()  # one for the cars that were driven, along the whole path
     seconds: dict[str, float] = field(default_factory=dict)  # learn, certify, simulate, plot, …, total

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cfjax.certificate import certify
+from cfjax.certificate import certify, robustness_of
 from cfjax.demonstrator import demonstrate
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
@@ -94,6 +94,20 @@ def _by_tubes(problem: Problem, options: Options, progress: Progress) -> Result:
         return _by_segments(bounds, replace(options, beta_inner=inner), progress)
 
     return hold_by_learning(problem, learned)
+
+
+def harden(result: Result, options: Options = Options(), progress: Progress | None = None) -> dict[str, Any] | None:
+    """Hints for what the funnels of a certified result absorb; None where that is not asked, or of tubes.
+
+    Raises:
+        ValueError, NotProven: nothing was found.
+    """
+    if not options.robustness:
+        return None
+    (progress or _silent)("robustness", 0, 1)
+    hints = robustness_of(result, workers=_cores())
+    (progress or _silent)("robustness", 1, 1)
+    return hints
 
 
 def drive(result: Result, options: Options = Options(), progress: Progress | None = None) -> Result:

@@ -174,7 +174,7 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
     from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import refuse_finished, write_run
     from cfjax.report.tracking import track
-    from cfjax.synthesis import drive, search
+    from cfjax.synthesis import drive, harden, search
 
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
@@ -185,6 +185,7 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
             folder,
             yaml_of(config),
             save_picture,
+            harden=lambda proven: harden(proven, options, progress),
             drive=lambda proven: drive(proven, options, progress),
             points=points,
         )
@@ -213,6 +214,13 @@ def summary(result: "Result", objective: "Objective") -> str:
             lines.append(f"objective.margin: {wanted:g} 1/s was not reached; this is the largest margin that was found")
         elif wanted is not None:
             lines.append(_sizes(result))
+    if result.robustness:
+        alone = result.robustness.alone
+        rates = zip(problem.vehicle.state_names, alone.disturbance, strict=True)
+        lines.append(
+            f"absorbs one of: inputs held for {1e3 * alone.period:.3g} ms, data {1e3 * alone.delay:.3g} ms old, a rate "
+            f"off by {', '.join(f'{bound:.2g} ({name})' for name, bound in rates)} a second"
+        )
     if loop is not None:
         lines.append(
             f"{loop.cars} cars: {loop.left_funnel} left the funnel, {loop.left_safe} left S, {loop.missed_goal} missed "

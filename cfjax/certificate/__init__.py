@@ -2,7 +2,8 @@
 
 from cfjax.certificate.certifier import Certification, certify
 from cfjax.certificate.refuter import refute
+from cfjax.certificate.robustness import robustness_of
 from cfjax.certificate.writing import dump
 
 
-__all__ = ["Certification", "certify", "dump", "refute"]
+__all__ = ["Certification", "certify", "dump", "refute", "robustness_of"]

@@ -14,19 +14,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from flint import fmpq, fmpq_mpoly
+from flint import fmpq
 
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.plan import CELLS, plan
-from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
+from cfjax.certificate.program import HINT_ONLY, MARGIN_BITS, USABLE, exact_proof, is_usable, program_of
+from cfjax.certificate.rounding import round_rate, round_shape, round_whitening
 from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.writing import Gram, write_funnel, write_stretch
 from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
-from cfjax.check.document import CellKey, unpack_triangle
+from cfjax.check.document import CellKey
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.piece import Piece, between
-from cfjax.check.program import CellProof, Exponents, Matrix
+from cfjax.check.program import CellProof, Matrix
 from cfjax.check.proof import extremes_of, signs_text
 from cfjax.check.rational import decimal_text, rational
 from cfjax.check.reader import Broken
@@ -38,11 +39,7 @@ from cfjax.problem import Path, Problem, Segment, Tube
 from cfjax.verdict import Verdict
 
 
-PADDINGS = (1e-7, 1e-6, 1e-5, 1e-4)  # of the largest Gram entry; tried in this order until the proof holds
 SUSPECT_CELLS = 4  # the worst ones, of which the learner hears
-MARGIN_BITS = 40  # of the margins that the document claims: rounded down
-USABLE = ("optimal",)
-HINT_ONLY = ("optimal_inaccurate",)  # Clarabel's AlmostSolved: no solution, but the exact replay may like it
 
 MOST_STRETCHES, MOST_HALVINGS = 20, 3  # of a segment; of a stretch that was planned for
 SPARE = 1.01  # by which a planned stretch is to be better than needed: the proof shows a little less
@@ -232,14 +229,6 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
     return (order, *((2 * order - limit) // 2 for limit in limits))
 
 
-_Program = tuple[fmpq_mpoly, fmpq_mpoly, list[fmpq_mpoly], tuple[tuple[Exponents, ...], ...]]
-
-
-def _program(decrease: SteadyDecrease, cell: Cell) -> _Program:
-    """What `solve` is asked about a cell. Made in one thread: only the solver works beside others."""
-    return decrease.target(cell), decrease.drop(cell), decrease.constraints(cell), decrease.bases
-
-
 class _TooLittle(Exception):
     """A cell of a stretch that may be cut proves less than the target."""
 
@@ -344,7 +333,7 @@ class Prover:
         )
         self.degrees = questions[0].degrees
         places = [(index, cell) for index, question in enumerate(questions) for cell in question.cells()]
-        programs = self._exactly(lambda: [_program(questions[index], cell) for index, cell in places], stretch.name)
+        programs = self._exactly(lambda: [program_of(questions[index], cell) for index, cell in places], stretch.name)
         self.cells_begun += len(places)
         self._count(questions)
 
@@ -408,10 +397,10 @@ class Prover:
         solved: list[SosSolution],
     ) -> tuple[CellProof, list[Gram], fmpq]:
         """The exact proof that a solution hints at, its Gram matrices as written, and the margin that it shows."""
-        if solution.status not in USABLE + HINT_ONLY or not _is_finite(solution):
+        if not is_usable(solution):
             raise NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {named}: {solution.status}")
         started = time.perf_counter()
-        proof, grams, proven = _exact_proof(question, cell, solution)
+        proof, grams, proven = exact_proof(question, cell, solution)
         self.clock["exact"] += time.perf_counter() - started
         if proof is None or not proven > 0:
             verdict = Verdict.INCONCLUSIVE if solution.status in USABLE else Verdict.SOLVER_FAILED
@@ -447,35 +436,6 @@ def _not_possible(error: ValueError, place: str) -> Exception:
 
 def _rounded_down(value: fmpq) -> fmpq:
     return fmpq(math.floor(value * 2**MARGIN_BITS), 2**MARGIN_BITS)
-
-
-def _is_finite(solution: SosSolution) -> bool:
-    return (
-        solution.grams is not None
-        and math.isfinite(solution.margin)
-        and all(np.isfinite(gram).all() for gram in solution.grams)
-    )
-
-
-def _exact_proof(
-    decrease: SteadyDecrease, cell: Cell, solution: SosSolution
-) -> tuple[CellProof | None, list[Gram], fmpq]:
-    """The first padding with which the exact replay accepts the rounded solution, and the margin it then proves."""
-    assert solution.grams is not None
-    for padding in PADDINGS:
-        grams = [round_gram(gram, padding) for gram in solution.grams]
-        matrices = tuple(
-            unpack_triangle([fmpq(entry, 2**exponent) for entry in lower], len(basis))
-            for (exponent, lower), basis in zip(grams, decrease.bases, strict=True)
-        )
-        proof = CellProof(cell, dyadic(solution.margin, MARGIN_BITS), matrices)
-        budget = decrease.domain.budget
-        left = budget.left
-        try:
-            return proof, grams, decrease.proven_margin(proof)
-        except ValueError:  # not positive definite yet; the checker will not see this attempt, nor pay for it
-            budget.left = left
-    return None, [], fmpq(0)
 
 
 def _named(stretch: Stretch, questions: list[SteadyDecrease], index: int, cell: Cell) -> str:

@@ -10,6 +10,7 @@ from flint import fmpq
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
+from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
 from cfjax.check.program import Matrix
 from cfjax.check.rational import rational
@@ -90,28 +91,38 @@ def write_stretch(
         "end": str(end),
         "bounds": write_bounds(bounds),
         "whitening": [[str(entry) for entry in row] for row in decrease.whitening],
-        "enclosures": [
-            {
-                "node": node,
-                "function": unary.function,
-                "coefficients": [str(c) for c in unary.coefficients],
-                "lower": str(unary.lower),
-                "upper": str(unary.upper),
-                "bound": str(unary.bound),
-            }
-            for node, unary in decrease.enclosures.items()
-        ],
+        "enclosures": write_unary(decrease.enclosures),
         "cells": [
             {
                 "reference": reference,
                 "piece": piece,
                 "signs": list(signs),
                 "margin": str(margin),
-                "grams": [{"exponent": exponent, "lower": list(lower)} for exponent, lower in grams],
+                "grams": write_grams(grams),
             }
             for (reference, piece, signs), margin, grams in cells
         ],
     }
+
+
+def write_unary(enclosures: Mapping[int, UnaryEnclosure]) -> list[dict[str, Any]]:
+    """What is said of the functions that nodes of the graph apply."""
+    return [
+        {
+            "node": node,
+            "function": unary.function,
+            "coefficients": [str(c) for c in unary.coefficients],
+            "lower": str(unary.lower),
+            "upper": str(unary.upper),
+            "bound": str(unary.bound),
+        }
+        for node, unary in enclosures.items()
+    ]
+
+
+def write_grams(grams: Sequence[Gram]) -> list[dict[str, Any]]:
+    """Gram matrices: whole numbers over a power of two."""
+    return [{"exponent": exponent, "lower": list(lower)} for exponent, lower in grams]
 
 
 def write_bounds(bounds: TubeClaim) -> dict[str, Any]:
@@ -144,14 +155,13 @@ def write_witness(condition: str, funnel: int, theta: fmpq, reference: int, x: S
 
 def seal(claim: str, problem: Mapping[str, Any], funnels: list[dict], last: dict) -> dict[str, Any]:
     """The whole document with its hash; `last` holds the proofs of funnels or the witness of a refutation."""
-    document = {
-        "format": FORMAT,
-        "version": VERSION,
-        "claim": claim,
-        "problem": dict(problem),
-        "funnels": funnels,
-        ("proofs" if claim == "funnel" else "witness"): last,
-    }
+    place = "proofs" if claim == "funnel" else "witness"
+    return with_hash(claim, {"problem": dict(problem), "funnels": funnels, place: last})
+
+
+def with_hash(claim: str, content: Mapping[str, Any]) -> dict[str, Any]:
+    """A whole document of this format."""
+    document = {"format": FORMAT, "version": VERSION, "claim": claim, **content}
     return {**document, "hash": document_hash(document)}
 
 

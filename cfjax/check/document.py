@@ -45,6 +45,7 @@ MOST_POWERS = 8  # of a path's polynomials
 LARGEST_GRAM_ENTRY = 2**64  # a circle's reach 2^36
 
 
+UnaryHint = tuple[str, tuple[fmpq, ...], fmpq, fmpq, fmpq]  # function, coefficients, lower, upper, bound
 CellKey = tuple[int, int, tuple[int, ...]]  # reference, piece, signs
 
 
@@ -146,7 +147,7 @@ class StretchHints:
     end: fmpq
     bounds: TubeClaim
     whitening: Matrix
-    enclosures: Mapping[int, tuple[str, tuple[fmpq, ...], fmpq, fmpq, fmpq]]
+    enclosures: Mapping[int, UnaryHint]
     cells: Mapping[CellKey, tuple[fmpq, tuple[Matrix, ...]]]
 
 
@@ -461,17 +462,10 @@ def _stretch_hints(item: Item, size: int, sizes: list[int], room: Room) -> Stret
     end, bounds, whitening, enclosures, cells = item.record("end", "bounds", "whitening", "enclosures", "cells")
     by_node, by_cell = {}, {}
     for entry in enclosures.items(MOST_FUNCTIONS, least=0):
-        fields = entry.record("node", "function", "coefficients", "lower", "upper", "bound")
-        node = fields[0].integer(0, MOST_NODES)
+        node, hint = read_unary(entry)
         if node in by_node:
-            fields[0].refuse("each node once")
-        by_node[node] = (
-            fields[1].text(),
-            tuple(value.rational() for value in fields[2].items(MOST_COEFFICIENTS)),
-            fields[3].rational(),
-            fields[4].rational(),
-            fields[5].rational(),
-        )
+            entry.refuse("each node once")
+        by_node[node] = hint
     entries = cells.items(MOST_CELLS)
     room.take(len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes), cells)
     for entry in entries:
@@ -486,10 +480,20 @@ def _stretch_hints(item: Item, size: int, sizes: list[int], room: Room) -> Stret
         tables = grams.items(len(sizes), len(sizes))
         by_cell[key] = (
             margin.rational(),
-            tuple(_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
+            tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
         )
     rows = [[entry.rational() for entry in row.items(size, size)] for row in whitening.items(size, size)]
     return StretchHints(end.rational(), _tube(bounds), rows, by_node, by_cell)
+
+
+def read_unary(item: Item) -> tuple[int, UnaryHint]:
+    """A node of the graph, and what is said of the function that it applies: (function, coefficients, range, bound)."""
+    node, function, coefficients, lower, upper, bound = item.record(
+        "node", "function", "coefficients", "lower", "upper", "bound"
+    )
+    powers = tuple(value.rational() for value in coefficients.items(MOST_COEFFICIENTS))
+    hint = function.text(), powers, lower.rational(), upper.rational(), bound.rational()
+    return node.integer(0, MOST_NODES), hint
 
 
 def _clearance(item: Item, problem: ProblemClaim) -> tuple[tuple[tuple[HalfPlanes, ...], ...], ...]:
@@ -514,7 +518,7 @@ def _clearance(item: Item, problem: ProblemClaim) -> tuple[tuple[tuple[HalfPlane
     )
 
 
-def _gram(item: Item, size: int) -> Matrix:
+def read_gram(item: Item, size: int) -> Matrix:
     """Whole numbers over a common power of two."""
     exponent, lower = item.record("exponent", "lower")
     scale = fmpq(1, 2 ** exponent.integer(0, 200))

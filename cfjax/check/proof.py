@@ -26,6 +26,7 @@ from cfjax.check.document import (
     ProblemClaim,
     SegmentClaim,
     StretchHints,
+    UnaryHint,
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfjax.check.piece import between
@@ -40,6 +41,7 @@ from cfjax.check.vehicle import KNOWN_VEHICLES
 
 MOST_EFFORT = 32 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
 ENCLOSURE_EFFORT = 384  # for each bit of the numbers in an enclosure of a function, proven once more on each stretch
+Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
 CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute
 
 
@@ -220,7 +222,7 @@ def _prove_stretch(
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = level_pieces(funnel.template, funnel.rate, span, funnel.beta_lower, funnel.beta_inner)
-        enclosures = _enclosures(problem, hints, effort)
+        enclosures = prove_enclosures(hints.enclosures, problem.vehicle.graph.functions(), effort)
         questions = [
             SteadyDecrease(
                 graph=problem.vehicle.graph,
@@ -264,14 +266,17 @@ def _prove_stretch(
     effort.spend(sum(LARGEST_EFFORT - question.domain.budget.left for question in questions))
 
 
-def _enclosures(problem: ProblemClaim, hints: StretchHints, effort: Budget) -> dict[int, UnaryEnclosure]:
-    """The enclosures of the file, proven; one for each node of the graph that applies a function, of that function."""
-    named = {node: entry[0] for node, entry in hints.enclosures.items()}
-    if named != problem.vehicle.graph.functions():
+def prove_enclosures(hints: Mapping[int, UnaryHint], functions: Mapping[int, str], effort: Budget) -> Enclosures:
+    """The enclosures of the file, proven; one for each node of the graph that applies a function, of that function.
+
+    Raises:
+        ValueError: they are of other functions, or one does not hold.
+    """
+    if {node: entry[0] for node, entry in hints.items()} != functions:
         raise ValueError("the enclosures are not those of the functions in the graph")
-    for _, coefficients, lower, upper, _ in hints.enclosures.values():
+    for _, coefficients, lower, upper, _ in hints.values():
         effort.spend(ENCLOSURE_EFFORT * sum(map(bits, (*coefficients, lower, upper))))
-    return {node: UnaryEnclosure(*entry) for node, entry in hints.enclosures.items()}
+    return {node: UnaryEnclosure(*entry) for node, entry in hints.items()}
 
 
 def _odd_cell(cells: Mapping[CellKey, object], hints: StretchHints, extremes: list[Extreme]) -> str:

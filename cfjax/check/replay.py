@@ -8,39 +8,90 @@ What is printed follows from what is proven: a number without a short decimal fo
 less, or is said to be "about" its decimal where it only names what the file speaks of.
 """
 
+from dataclasses import replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
 from pathlib import Path
 
 from flint import fmpq
 
+from cfjax.check.certified import LAW_SHARE
 from cfjax.check.chain import CHAIN, check_chain
 from cfjax.check.containment import half_widths
 from cfjax.check.decrease import contraction_way
 from cfjax.check.document import TEMPLATES, Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
+from cfjax.check.held_hints import read_hints
 from cfjax.check.proof import prove_funnels
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
+from cfjax.check.robustness import Robustness, prove_robustness
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim, place_of
 from cfjax.check.vehicle import check_known_vehicle
 
 
-CERTIFICATE_NAME = "certificate.json"
+CERTIFICATE_NAME, ROBUSTNESS_NAME = "certificate.json", "robustness.json"
 SHOWN = 4  # funnels whose rates are printed
 
 
 def check_file(path: str | Path, skip_hash: bool = False) -> Report:
-    """Replay the certificate at the path, or in the run's folder there; no exception for anything in the file."""
-    where = Path(path)
+    """Replay the certificate at the path, or in the run's folder there; no exception for anything in the file.
+
+    Of a folder, what the funnels absorb too, where hints for it lie beside the certificate.
+    """
+    where, hints = Path(path), None
     try:
         if where.is_dir():
+            beside = where / ROBUSTNESS_NAME
+            hints = read_json(beside) if beside.exists() else None
             where = where / CERTIFICATE_NAME
         document = read_json(where)
     except (Unreadable, OSError, ValueError) as error:  # ValueError: a path with a null character
         return Report(Outcome.UNREADABLE, _one_line(error))
-    return check_document(document, skip_hash)
+    report = check_document(document, skip_hash)
+    return report if hints is None else check_robustness(report, document, hints)
+
+
+def check_robustness(report: Report, document: object, hints: object) -> Report:
+    """A report with what the funnels of the proven certificate absorb, by the parsed hints."""
+    if report.outcome is not Outcome.PROVEN:
+        return report
+    try:
+        if not isinstance(document, dict) or document.get("claim") == CHAIN:
+            raise Broken("certificate: expected one of funnels along a path")
+        certificate = read_certificate(document, skip_hash=True)
+        problem = certificate.problem
+        read = read_hints(hints, str(document["hash"]), len(certificate.funnels), len(problem.vehicle.states))
+        dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
+        proven = prove_robustness(certificate, dynamics, read)
+    except Unreadable as error:
+        return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: {_one_line(error)}")
+    except (ValueError, ArithmeticError) as error:
+        return Report(Outcome.BROKEN, f"{ROBUSTNESS_NAME}: {_one_line(error)}")
+    except (MemoryError, RecursionError) as error:
+        return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: too large for this checker ({type(error).__name__})")
+    message = f"{report.message} {_absorbed(problem.vehicle.states, proven)}"
+    return replace(report, message=message, robustness=proven)
+
+
+def _absorbed(states: tuple[str, ...], proven: Robustness) -> str:
+    """What the funnels absorb, in a sentence; every amount rounded down."""
+
+    def each(amounts: tuple[fmpq, ...]) -> str:
+        named = zip(states, amounts, strict=True)
+        return ", ".join(f"{name} {decimal_text(amount, ROUND_FLOOR)}" for name, amount in named)
+
+    joint = proven.joint
+    return (
+        f"A law whose inputs reach V' <= -{decimal_text(LAW_SHARE, ROUND_CEILING)} lambda in the shell may hold them "
+        f"for {decimal_text(proven.period, ROUND_FLOOR)} s; or, chosen at every moment, they absorb in one state a "
+        f"rate that is off by ({each(proven.disturbance)}) a second, or a pose that is off by "
+        f"({each(proven.pose_error)}), from starts so far inside that V seems below 1, or what is {decimal_text(proven.delay, ROUND_FLOOR)} s old. "
+        f"All at once, in every state: held for {decimal_text(joint.period, ROUND_FLOOR)} s, "
+        f"({each(joint.disturbance)}) a second, ({each(joint.pose_error)}), {decimal_text(joint.delay, ROUND_FLOOR)} s "
+        f"old, from starts in V <= {decimal_text(joint.level, ROUND_FLOOR)}."
+    )
 
 
 def check_document(document: object, skip_hash: bool = False) -> Report:

@@ -4,6 +4,7 @@ Evaluated so, a vehicle's graph can be compared with another statement of it (`c
 properties that hold whatever the numbers are (`cfjax.check.tube`).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
@@ -13,6 +14,7 @@ from cfjax.check.graph import Graph
 from cfjax.check.reader import Broken
 
 
+DERIVATIVES = {"sin": ("cos", 1), "cos": ("sin", -1)}  # of functions: another function, and its sign
 REFERENCE = ("turn_rate", "speed", "turn_rate_slope", "speed_slope")
 
 
@@ -43,6 +45,43 @@ class Symbolic:
             if name == function and value == self.symbols[argument]:
                 return self.domain.ring.gens()[index]
         raise Broken(f"vehicle: the dynamics in the file apply no {function} to {argument}")
+
+    def derivative(self, polynomial: fmpq_mpoly, name: str) -> fmpq_mpoly:
+        """∂/∂(a state, input or reference), through the functions sin and cos.
+
+        Raises:
+            ValueError: another function depends on it, or a derivative that no symbol stands for is needed.
+        """
+        total = polynomial.derivative(self.names.index(name))
+        for index, (function, argument) in self.functions.items():
+            inner, outer = argument.derivative(self.names.index(name)), polynomial.derivative(index)
+            if len(inner) and len(outer):
+                other, sign = DERIVATIVES.get(function, (None, 0))
+                symbol = next((k for k, value in self.functions.items() if value == (other, argument)), None)
+                if symbol is None:
+                    raise ValueError(f"the dynamics apply {function}, but not its derivative to the same argument")
+                slope = self.domain.product(outer, self.domain.product(inner, self.domain.ring.gens()[symbol]))
+                total = self.domain.sum(total, slope if sign > 0 else self.domain.negative(slope))
+        return total
+
+    def size(self, polynomial: fmpq_mpoly, sizes: Mapping[str, fmpq]) -> fmpq:
+        """A rational that is at least |polynomial| where every named quantity is at most its size, |sin|, |cos| ≤ 1.
+
+        Raises:
+            ValueError: the polynomial has another function in it.
+        """
+        total = fmpq(0)
+        for exponents, coefficient in polynomial.to_dict().items():
+            term = abs(fmpq(coefficient))
+            for index, power in enumerate(map(int, exponents)):
+                if not power:
+                    continue
+                if index < len(self.names):
+                    term *= sizes[self.names[index]] ** power
+                elif self.functions[index][0] not in DERIVATIVES:
+                    raise ValueError(f"no bound is known of {self.functions[index][0]}")
+            total += term
+        return total
 
 
 def symbolic(graph: Graph, states: tuple[str, ...], inputs: tuple[str, ...]) -> Symbolic:

@@ -147,6 +147,7 @@ def problem_of(config: Config) -> Problem:
         vehicle=vehicle,
         method=methods[config.method],
         timing=Interval(*config.timing),
+        authority=config.authority,
     )
 
 

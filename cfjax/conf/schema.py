@@ -276,6 +276,7 @@ class Config:
     sets: SetsConfig = field(default_factory=SetsConfig)
     method: str = "pf"  # or tt
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # u0 of path following
+    authority: float = 1.0  # how far a law may go from what the reference needs towards the limits of the inputs
     template: str = Options.template  # contracting or paper
     certificate: str = Options.certificate  # auto, segment or tube
     learner: str = Options.learner  # gradient or polytope
@@ -286,6 +287,7 @@ class Config:
     restarts: int = Options.restarts
     rounds: int = Options.rounds
     seed: int = Options.seed
+    robustness: bool = Options.robustness  # what the funnel absorbs: control period, disturbances, delay
     cars: int = Options.cars
     logger: str = "none"  # or wandb
     wandb: WandbConfig = field(default_factory=WandbConfig)

@@ -3,6 +3,7 @@
 import enum
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import jax.numpy as jnp
 import numpy as np
@@ -45,6 +46,7 @@ class Problem:
     vehicle: Vehicle = field(default_factory=KinematicBicycle)
     method: Method = Method.PF
     timing: Interval = Interval(0.5, 2.0)  # u0 for PF; TT has u0 = 1 whatever stands here
+    authority: float = 1.0  # of the way from what the reference needs to the inputs' limits: how far a law may go
 
     def __post_init__(self) -> None:
         states = self.vehicle.state_names
@@ -69,6 +71,8 @@ class Problem:
                     raise InputError(
                         f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
                     )
+        if not 0 < self.authority <= 1:
+            raise InputError(f"authority: expected a number above 0 and at most 1, got {self.authority}")
         for index, segment in enumerate(self.path.segments):
             if isinstance(segment, Tube):
                 for state, start, end in zip(states, self.inlet.half_axes, self.goal.half_axes, strict=True):
@@ -84,9 +88,27 @@ class Problem:
 
     @property
     def inputs(self) -> tuple[Interval, ...]:
-        """The input box (u0, *vehicle inputs); u0 = 1 for trajectory tracking."""
+        """The input box (u0, *vehicle inputs) that a law may use; u0 = 1 for trajectory tracking.
+
+        With an `authority` below 1 it is so much smaller, around what the reference needs along the path: inputs that
+        stay closer to it change the rate of V less, and may be held longer.
+        """
         timing = Interval(1.0, 1.0) if self.method is Method.TT else self.timing
-        return (timing, *self.vehicle.input_box)
+        limits = (timing, *self.vehicle.input_box)
+        if self.authority == 1:
+            return limits
+        return tuple(
+            Interval(low - self.authority * (low - box.lower), high + self.authority * (box.upper - high))
+            for box, (low, high) in zip(limits, self._needed, strict=True)
+        )
+
+    @cached_property
+    def _needed(self) -> tuple[tuple[float, float], ...]:
+        """The least and the largest of each input that the reference needs by itself, along the path."""
+        needed = np.array([self.feedforward(point) for segment in self.path.distinct for point in _points(segment)])
+        return tuple(
+            (float(low), float(high)) for low, high in zip(needed.min(axis=0), needed.max(axis=0), strict=True)
+        )
 
     @property
     def dimension(self) -> int:
@@ -115,9 +137,8 @@ class Problem:
         return np.concatenate([[1.0], u])
 
     def _check_reference(self, index: int, segment: Segment) -> None:
-        grid = [0.0] if segment.is_steady else np.linspace(0.0, segment.duration, 201)
-        for theta in grid:
-            point = segment.point(float(theta))
+        for theta in _grid(segment):
+            point = segment.point(theta)
             if excess := self._excess(point):
                 turning = f" (radius there: {abs(point.speed / point.turn_rate):.4g} m)" if point.turn_rate else ""
                 raise InputError(f"path: segment {index} at theta = {theta:.4g} s needs {excess}{turning}")
@@ -178,3 +199,15 @@ class Problem:
         largest = abs(low / point.speed)
         digits = 3 - math.floor(math.log10(largest)) if largest else 0
         return math.floor(largest * 10**digits) / 10**digits
+
+
+def _grid(segment: Segment) -> list[float]:
+    """Places of a segment at which it is looked at: θ in s."""
+    return [0.0] if segment.is_steady else [float(theta) for theta in np.linspace(0.0, segment.duration, 201)]
+
+
+def _points(segment: Segment | Tube) -> list[ReferencePoint]:
+    """References of a segment, or the extreme ones of a tube."""
+    if isinstance(segment, Tube):
+        return [point for group in segment.references() for point in group]
+    return [segment.point(theta) for theta in _grid(segment)]

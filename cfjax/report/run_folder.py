@@ -1,6 +1,7 @@
 """The run folder: what a run leaves behind, and how it is read back.
 
     certificate.json   the proof, where there is one
+    robustness.json    hints for what its funnels absorb, where that is proven
     reference.csv      samples of the path
     funnel.png         the picture
     config.yaml        the question as it was configured
@@ -31,17 +32,20 @@ from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
 from cfjax.check.containment import half_widths
 from cfjax.check.rational import float_below
+from cfjax.check.robustness import SHARE
+from cfjax.check.robustness import Absorbed as ProvenTogether
+from cfjax.check.robustness import Robustness as Proven
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
-from cfjax.result import ClosedLoop, Result, SegmentResult, StretchMargin
+from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, SegmentResult, StretchMargin
 from cfjax.verdict import Verdict
 
 
 if TYPE_CHECKING:
     from cfjax.conf import Config
 
-RESULT, CERTIFICATE, REFERENCE = "result.json", "certificate.json", "reference.csv"
+RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE = "result.json", "certificate.json", "robustness.json", "reference.csv"
 PICTURE, CONFIG, WAYPOINTS = "funnel.png", "config.yaml", "waypoints.csv"
 REFERENCE_ROWS = 201  # per segment
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
@@ -62,6 +66,7 @@ def write_run(
     config_yaml: str,
     picture: Callable[[Result, Path], None] | None = None,
     check: Check = check_file,
+    harden: Callable[[Result], dict[str, Any] | None] | None = None,
     drive: Callable[[Result], Result] | None = None,
     points: bytes | None = None,
 ) -> Result:
@@ -69,18 +74,23 @@ def write_run(
 
     `points` is the content of the waypoint file, where the path is made of one.
 
-    A result whose certificate the checker does not accept comes back `inconclusive`. `drive` adds the closed loop to
-    the result as it stands after the check, `picture` then draws funnel.png of it; if that fails, it is said on stderr
-    and the run stands. Whatever else stops one of the two, Ctrl-C included, result.json is written before it goes on.
+    A result whose certificate the checker does not accept comes back `inconclusive`. `harden` finds hints for what the
+    funnels absorb, of which nothing is claimed but what the checker shows. `drive` adds the closed loop to the result
+    as it then stands, `picture` draws funnel.png of it; if that fails, it is said on stderr and the run stands.
+    Whatever else stops one of the two, Ctrl-C included, result.json is written before it goes on.
     """
     refuse_finished(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for leftover in (CERTIFICATE, REFERENCE, PICTURE, CONFIG, WAYPOINTS):  # of a run that was killed
+    for leftover in (CERTIFICATE, ROBUSTNESS, REFERENCE, PICTURE, CONFIG, WAYPOINTS):  # of a run that was killed
         (folder / leftover).unlink(missing_ok=True)
     begin, before = time.perf_counter(), result.seconds.get("total", 0.0)
     result = _write_certificate(result, folder / CERTIFICATE, check)
     if result.document is not None:
         result = _with_seconds(result, "check", time.perf_counter() - begin)
+    if harden is not None and result.verdict is Verdict.CERTIFIED:
+        start = time.perf_counter()
+        result = _write_robustness(result, folder, harden, check)
+        result = _with_seconds(result, "robustness", time.perf_counter() - start)
     if result.problem.path.curve:  # a tube has none
         write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
     write_whole(folder / CONFIG, config_yaml.encode())
@@ -125,6 +135,40 @@ def _write_certificate(result: Result, path: Path, check: Check) -> Result:
     claim = f"the exact checker did not accept the certificate of a {result.verdict.value} run"
     result = result.replace(closed_loop=None)  # driven under a margin that nothing proves
     return _without_claim(result, Verdict.INCONCLUSIVE, f"{claim}: {' '.join(reason.split())}")
+
+
+def _write_robustness(
+    result: Result, folder: Path, harden: Callable[[Result], dict[str, Any] | None], check: Check
+) -> Result:
+    """The result with what its funnels absorb, as the checker shows it from the folder; as it is, where nothing is."""
+    try:
+        hints = harden(result)
+        if hints is None:
+            return result
+        write_whole(folder / ROBUSTNESS, dump(hints).encode())
+        report = check(folder)
+        if report.outcome is Outcome.PROVEN and report.robustness is not None:
+            return result.replace(robustness=_amounts(report.robustness))
+        reason = report.message
+    except Exception as error:  # the certificate stands without it
+        reason = f"{type(error).__name__}: {error}"
+    (folder / ROBUSTNESS).unlink(missing_ok=True)
+    print(f"warning: nothing is proven of what the funnel absorbs: {' '.join(reason.split())}", file=sys.stderr)
+    return result
+
+
+def _amounts(proven: Proven) -> Robustness:
+    """Rounded down."""
+
+    def absorbed(amounts: Proven | ProvenTogether) -> Absorbed:
+        return Absorbed(
+            period=float_below(amounts.period),
+            disturbance=tuple(map(float_below, amounts.disturbance)),
+            pose_error=tuple(map(float_below, amounts.pose_error)),
+            delay=float_below(amounts.delay),
+        )
+
+    return Robustness(absorbed(proven), absorbed(proven.joint), float_below(proven.joint.level))
 
 
 def _with_margins(result: Result, report: Report) -> Result:
@@ -220,6 +264,7 @@ def result_json(result: Result) -> dict[str, Any]:
         "iterations": result.iterations,
         "search": dict(result.search),
         "history": [{name: _number(float(value)) for name, value in figures.items()} for figures in result.history],
+        "robustness": _robustness_json(problem, result.robustness) if result.robustness else None,
         "closed_loop": _closed_loop_json(result.closed_loop) if result.closed_loop else None,
         "versions": versions(),
     }
@@ -286,6 +331,22 @@ def _below(value: float) -> float:
 def _half_widths(funnel: Funnel) -> list[float]:
     exact = half_widths([[fmpq(*float(entry).as_integer_ratio()) for entry in row] for row in funnel.shape])
     return [-float_below(-width) for width in exact]
+
+
+def _robustness_json(problem: Problem, robustness: Robustness) -> dict[str, Any]:
+    """Periods and delays in s; disturbances in units of the states a second."""
+    states = problem.vehicle.state_names
+
+    def absorbed(amounts: Absorbed) -> dict[str, Any]:
+        return {
+            "period": amounts.period,
+            "disturbance": dict(zip(states, amounts.disturbance, strict=True)),
+            "pose_error": dict(zip(states, amounts.pose_error, strict=True)),
+            "delay": amounts.delay,
+        }
+
+    together = absorbed(robustness.together) | {"level": robustness.level}
+    return {"law_share": float_below(SHARE), **absorbed(robustness.alone), "jointly": together}
 
 
 def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
@@ -357,6 +418,7 @@ def read_run(folder: Path) -> Result:
             message=data["message"],
             problem=problem,
             segments=tuple(_segment_of(segment) for segment in data["segments"]),
+            robustness=_robustness_of(data.get("robustness")),
             closed_loop=ClosedLoop(**{**loop, "arrival": tuple(loop["arrival"]) if loop["arrival"] else None})
             if loop
             else None,
@@ -383,6 +445,18 @@ def read_config(folder: Path) -> "Config":
 
     config = config_of(_read_text(folder / CONFIG))
     return with_waypoint_file(config, folder / WAYPOINTS) if waypoint_file(config) else config
+
+
+def _robustness_of(data: dict[str, Any] | None) -> Robustness | None:
+    if data is None:
+        return None
+
+    def absorbed(own: dict[str, Any]) -> Absorbed:
+        return Absorbed(
+            own["period"], tuple(own["disturbance"].values()), tuple(own["pose_error"].values()), own["delay"]
+        )
+
+    return Robustness(absorbed(data), absorbed(data["jointly"]), data["jointly"]["level"])
 
 
 def _segment_of(data: dict[str, Any]) -> SegmentResult:

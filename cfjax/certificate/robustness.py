@@ -1,0 +1,121 @@
+"""Hints for what a certified funnel absorbs: bounds on V̇ and V̈ over it, and the file that carries them.
+
+Each vertex is a small semidefinite program (`cfjax.check.held`), some hundredths of a second. The file states nothing
+but hints: what they show, `cfjax.check.robustness` computes.
+"""
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from flint import fmpq
+
+from cfjax.certificate.fit import enclose
+from cfjax.certificate.program import exact_proof, is_usable, program_of
+from cfjax.certificate.rounding import round_whitening
+from cfjax.certificate.sos import solve
+from cfjax.certificate.stretches import NotProven
+from cfjax.certificate.writing import Gram, with_hash, write_grams, write_unary
+from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, read_certificate
+from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.held import HeldCell, HeldMotion, derivative_of
+from cfjax.check.held_hints import CLAIM
+from cfjax.check.piece import between
+from cfjax.check.robustness import motions
+from cfjax.check.symbolic import Symbolic, symbolic
+from cfjax.result import Result
+from cfjax.verdict import Verdict
+
+
+def robustness_of(result: Result, workers: int = 1) -> dict[str, Any] | None:
+    """The file of hints for a certified result; None where there is none of its kind: for tubes.
+
+    Raises:
+        NotProven, Broken, ValueError: as `robustness_document`.
+    """
+    document = result.document
+    if document is None or document["claim"] != "funnel" or result.problem.path.tube:
+        return None
+    return robustness_document(document, workers)
+
+
+def robustness_document(document: dict[str, Any], workers: int = 1) -> dict[str, Any]:
+    """The file of hints for a certificate of funnels along a path, given as the document that the checker accepted.
+
+    Raises:
+        NotProven: a bound that no hint was found for.
+        Broken, ValueError: dynamics or levels of a kind that has no bounds here.
+    """
+    certificate = read_certificate(document)
+    problem = certificate.problem
+    dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
+    with ThreadPoolExecutor(max(1, workers)) as pool:
+        each = zip(problem.distinct, certificate.funnels, certificate.hints, strict=True)
+        funnels = [
+            hints_for(problem, dynamics, segment, funnel, [stretch.end for stretch in hints.stretches], pool)
+            for segment, funnel, hints in each
+            if isinstance(segment, SegmentClaim)
+        ]
+    return with_hash(CLAIM, {"certificate": document["hash"], "funnels": funnels})
+
+
+def hints_for(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    segment: SegmentClaim,
+    funnel: FunnelClaim,
+    ends: list[fmpq],
+    pool: ThreadPoolExecutor,
+) -> list[dict[str, Any]]:
+    """For one funnel: a stretch of θ ends at each of `ends`. Condition (d)'s own do.
+
+    Raises:
+        NotProven, Broken, ValueError: as `robustness_document`.
+    """
+    found = []
+    for begin, end in itertools.pairwise([fmpq(0), *ends]):
+        parts = between(segment.pieces, begin, end)
+        asked = motions(problem, dynamics, parts, funnel, (begin, end))
+        found.append({"end": str(end), "levels": [_levels(motion, pool) for motion, _ in asked]})
+    return found
+
+
+def _levels(motion: HeldMotion, pool: ThreadPoolExecutor) -> dict[str, Any]:
+    """Hints on one range of levels."""
+    shape = np.array([[float(entry) for entry in row] for row in motion.shape])
+    motion = replace(motion, whitening=round_whitening(shape / float(motion.peak)))
+    enclosures: dict[int, UnaryEnclosure] = {}
+    slopes: dict[int, UnaryEnclosure] = {}
+
+    def fit_here(node: int, function: str, argument: Enclosure) -> Enclosure:
+        enclosures[node] = enclose(function, argument)
+        slopes[node] = enclose(derivative_of(function)[0], argument)
+        return argument.apply(enclosures[node])
+
+    motion.rates(motion.vertices[0], fit_here)
+    motion = replace(motion, enclosures=enclosures, derivatives=slopes)
+    cells = list(motion.cells())
+    # a vertex has a budget of its own, as in the replay
+    claims = {vertex: replace(motion) for vertex in range(len(motion.vertices))}
+    jobs = [pool.submit(solve, *program_of(claims[cell.vertex], cell)) for cell in cells]
+    written = []
+    for cell, job in zip(cells, jobs, strict=True):
+        solution = job.result()
+        margin, grams = _exactly(claims[cell.vertex], cell, solution)
+        written.append({"order": cell.order, "vertex": cell.vertex, "margin": str(margin), "grams": write_grams(grams)})
+    return {
+        "whitening": [[str(entry) for entry in row] for row in motion.whitening],
+        "enclosures": write_unary(enclosures),
+        "derivatives": write_unary(slopes),
+        "cells": written,
+    }
+
+
+def _exactly(motion: HeldMotion, cell: HeldCell, solution: Any) -> tuple[fmpq, list[Gram]]:
+    if is_usable(solution):
+        proof, grams, _ = exact_proof(motion, cell, solution)
+        if proof is not None:
+            return proof.margin, grams
+    raise NotProven(Verdict.SOLVER_FAILED, f"no bound of V after {cell.order} derivatives: {solution.status}")

@@ -1,0 +1,359 @@
+"""What V does while inputs are held: how fast it can rise, and how fast its rate can, anywhere in a funnel.
+
+A car in V ≤ 1 holds inputs u, any of the box, while θ and its deviation x move on beside a reference r(θ). On a stretch
+
+    V̇ = ∂V/∂θ u0 + ∇V·f(x, u, r),        V̈ = dV̇/dt along that motion.
+
+With σ(θ) = e^{kθ} for V = e^{kθ} xᵀCx, and 1 for the other template, both are σ(θ) times a function of x, u and r. They
+stay below B wherever that function stays below B/σ(θ), and 1/σ(θ) ≥ max(q, ρ) for q = xᵀCx, ρ the least level of the
+stretch: θ is eliminated. (B is not negative.)
+
+The dynamics are affine in each input, and in the reference's turning rate, speed and acceleration one by one. V̇ is so
+too, and its largest value is at a vertex of the box of these **parameters**. V̈ is quadratic in each of them. Its
+coefficient of p_i² is a square plus a rest, rest ≥ −δ_i: with δ_i (p_i − lower)(p_i − upper) added it is convex in p_i,
+and what was added takes away at most δ_i width²/4. So V̈ is largest at a vertex, but for that much.
+
+Where r itself changes, V̈ has one more term, ∂V̇/∂r · r'(θ) u0: it is bounded and added as well.
+
+That B is a bound at a vertex is shown by sums of squares (`cfjax.check.program`), with q_lo ≤ q ≤ q_hi as constraints.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple
+
+from flint import fmpq, fmpq_mat, fmpq_mpoly
+
+from cfjax.check.decrease import ApplyFunction, LevelPiece, level_bounds
+from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.graph import Graph
+from cfjax.check.program import FunnelProgram, Matrix
+from cfjax.check.rational import sqrt_upper
+from cfjax.check.reader import Broken
+from cfjax.check.symbolic import DERIVATIVES, Symbolic
+
+
+Range = tuple[fmpq, fmpq]
+Point = Mapping[str, fmpq]  # parameters by the graph's names
+TIMING = "input:u0"
+ORDERS = (1, 2)  # V̇, V̈
+
+
+def held_pieces(template: str, rate: fmpq, span: Range) -> list[LevelPiece]:
+    """Ranges of q that cover V ≤ 1 on a stretch of θ; `drop` is at most 1/σ there, `timing` is as in (d)."""
+    (first_low, first_high), (last_low, last_high) = (level_bounds(template, rate, theta) for theta in span)
+    zero, one = fmpq(0), fmpq(1)
+    least, peak = min(first_low, last_low), max(first_high, last_high)
+    if template == "paper":
+        return [LevelPiece(zero, peak, (rate, zero), (one, zero))]
+    inner = LevelPiece(zero, least, (zero, rate), (least, zero))
+    return [inner, LevelPiece(least, peak, (zero, rate), (zero, one))] if least < peak else [inner]
+
+
+def require_affine(dynamics: Symbolic, parameters: Mapping[str, Range]) -> None:
+    """Raises Broken unless the dynamics are affine in each parameter that varies, the functions in them free of it."""
+    varying = {name for name, (lower, upper) in parameters.items() if lower < upper}
+    indices = {index for index, name in enumerate(dynamics.names) if name in varying}
+    for function, argument in dynamics.functions.values():
+        if any(int(exponents[index]) for exponents in argument.to_dict() for index in indices):
+            raise Broken(f"vehicle: held inputs need dynamics whose {function} is of the states alone")
+    for rate in dynamics.rates:
+        if any(int(exponents[index]) > 1 for exponents in rate.to_dict() for index in indices):
+            raise Broken("vehicle: held inputs need dynamics that are affine in each input")
+
+
+def derivative_of(function: str) -> tuple[str, int]:
+    """f' as another function and its sign.
+
+    Raises:
+        Broken: it is none that the proof knows.
+    """
+    if function not in DERIVATIVES:
+        raise Broken(f"vehicle: held inputs are proven for dynamics of {', '.join(DERIVATIVES)} only, not {function}")
+    return DERIVATIVES[function]
+
+
+class HeldCell(NamedTuple):
+    """The `order`-th derivative of V at one vertex of the parameters' box, by its number."""
+
+    order: int
+    vertex: int
+
+
+class Dual:
+    """A value and its slope in one direction; enough of arithmetic to evaluate a graph."""
+
+    def __init__(self, value: Enclosure, slope: Enclosure | None = None) -> None:
+        self.value, self.slope = value, slope  # None: zero
+
+    def __add__(self, other: "Dual") -> "Dual":
+        return Dual(self.value + other.value, _sum(self.slope, other.slope))
+
+    def __sub__(self, other: "Dual") -> "Dual":
+        return self + -other
+
+    def __neg__(self) -> "Dual":
+        return Dual(-self.value, None if self.slope is None else -self.slope)
+
+    def __mul__(self, other: "Dual") -> "Dual":
+        slopes = (
+            None if one is None else one * factor
+            for one, factor in ((self.slope, other.value), (other.slope, self.value))
+        )
+        return Dual(self.value * other.value, _sum(*slopes))
+
+
+def _sum(first: Enclosure | None, second: Enclosure | None) -> Enclosure | None:
+    if first is None or second is None:
+        return second if first is None else first
+    return first + second
+
+
+@dataclass(frozen=True)
+class HeldMotion(FunnelProgram):
+    """V̇ and V̈ with parameters held, on one range of levels; what is proven is −B as a margin.
+
+    `parameters` is the box by the graph's names (`input:…`, `reference:…`); `spare` is what V̈/σ may be above its
+    largest value at a vertex (`Terms`).
+    `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for its derivative.
+    """
+
+    graph: Graph
+    states: tuple[str, ...]
+    parameters: Mapping[str, Range]
+    spare: fmpq
+    shape: Matrix  # C
+    whitening: Matrix  # W ≈ (C/q_hi)^{−1/2}
+    piece: LevelPiece
+    enclosures: Mapping[int, UnaryEnclosure]
+    derivatives: Mapping[int, UnaryEnclosure]
+    degrees: tuple[int, ...]
+
+    @property
+    def peak(self) -> fmpq:
+        return self.piece.upper
+
+    @cached_property
+    def varying(self) -> tuple[str, ...]:
+        return tuple(name for name, (lower, upper) in self.parameters.items() if lower < upper)
+
+    @cached_property
+    def vertices(self) -> tuple[dict[str, fmpq], ...]:
+        """All parameters at each vertex of their box."""
+        fixed = {name: lower for name, (lower, _) in self.parameters.items()}
+        corners = product(*(self.parameters[name] for name in self.varying))
+        return tuple(fixed | dict(zip(self.varying, corner, strict=True)) for corner in corners)
+
+    def cells(self) -> Iterator[HeldCell]:
+        for vertex in range(len(self.vertices)):
+            for order in ORDERS:
+                yield HeldCell(order, vertex)
+
+    # --- the motion at given parameters
+
+    def _values(self, at: Point) -> dict[str, Enclosure]:
+        values = {name: self.domain.exact(x) for name, x in zip(self.states, self.deviations, strict=True)}
+        return values | {name: self.domain.constant(value) for name, value in at.items()}
+
+    def rates(self, at: Point, function: ApplyFunction | None = None) -> list[Enclosure]:
+        """ẋ = f(x, u, r); `function(node, name, argument)` encloses a function's value, unless hints are there."""
+        apply = function or (lambda node, _, argument: argument.apply(self.enclosures[node]))
+        return self.graph.evaluate(self._values(at), self.domain.constant, apply)
+
+    def along(self, at: Point, direction: list[Enclosure]) -> list[Enclosure]:
+        """(∂f/∂x) · direction."""
+        values = {name: Dual(value) for name, value in self._values(at).items()}
+        for name, slope in zip(self.states, direction, strict=True):
+            values[name] = Dual(values[name].value, slope)
+        rates = self.graph.evaluate(values, lambda value: Dual(self.domain.constant(value)), self._apply)
+        return [self.domain.constant(fmpq(0)) if rate.slope is None else rate.slope for rate in rates]
+
+    def _apply(self, node: int, function: str, argument: Dual) -> Dual:
+        value = argument.value.apply(self.enclosures[node])
+        if argument.slope is None:
+            return Dual(value)
+        _, sign = derivative_of(function)
+        slope = argument.value.apply(self.derivatives[node]) * argument.slope
+        return Dual(value, slope if sign > 0 else -slope)
+
+    def uphill(self, direction: list[Enclosure]) -> Enclosure:
+        """∇q · direction."""
+        total = self.domain.constant(fmpq(0))
+        for gradient, entry in zip(self.covector, direction, strict=True):
+            total = total + self.domain.exact(gradient) * entry
+        return total
+
+    def bend(self, direction: list[Enclosure]) -> Enclosure:
+        """2 dᵀ C d for a direction d."""
+        total = self.domain.constant(fmpq(0))
+        for i, row in enumerate(self.shape):
+            for j in range(i + 1):
+                weight = self.domain.constant((2 if i == j else 4) * row[j])
+                total = total + weight * (direction[i] * direction[j])
+        return total
+
+    # --- at a vertex, by its number: V̇ and V̈ divided by σ
+
+    @cached_property
+    def _moved(self) -> dict[int, list[Enclosure]]:
+        return {}
+
+    def moved(self, vertex: int) -> list[Enclosure]:
+        """ẋ there."""
+        if vertex not in self._moved:
+            self._moved[vertex] = self.rates(self.vertices[vertex])
+        return self._moved[vertex]
+
+    def first(self, vertex: int) -> Enclosure:
+        """V̇/σ."""
+        fastness = self.ring.constant(self.vertices[vertex][TIMING])
+        timing = self.domain.exact(self.domain.product(self.piece.timing_at(self.form), fastness))
+        return self.uphill(self.moved(vertex)) + timing
+
+    def second(self, vertex: int) -> Enclosure:
+        """V̈/σ beside a reference that stays as it is: k² u0² q + 2 k u0 q̇ + q̈."""
+        at, rates = self.vertices[vertex], self.moved(vertex)
+        k = self.piece.timing[1] * at[TIMING]
+        total = self.bend(rates) + self.uphill(self.along(at, rates))
+        if k:
+            total = total + self.domain.constant(2 * k) * self.uphill(rates) + self.domain.exact(k * k * self.form)
+        return total
+
+    # --- sizes, at a vertex
+
+    def slopes(self, vertex: int) -> list[fmpq]:
+        """|∂V̇/∂x_i| over V ≤ 1, at most; term by term."""
+        at, size = self.vertices[vertex], range(len(self.states))
+        own = self.domain.constant(self.piece.timing[1] * at[TIMING])
+        found = []
+        for i in size:
+            unit = [self.domain.constant(fmpq(i == j)) for j in size]
+            total = self.uphill(self.along(at, unit)) + own * self.domain.exact(self.covector[i])
+            for j, rate in enumerate(self.moved(vertex)):
+                total = total + self.domain.constant(2 * self.shape[i][j]) * rate
+            found.append(self._weighted(total))
+        return found
+
+    def swiftness(self, vertex: int) -> fmpq:
+        """|V̇| over this range of levels, at most; term by term."""
+        return self._weighted(self.first(vertex))
+
+    def speeds(self, vertex: int) -> list[fmpq]:
+        """|ẋ_i| over this range of levels, at most; term by term."""
+        return [sum(self._powers(rate), fmpq(0)) for rate in self.moved(vertex)]
+
+    def _powers(self, value: Enclosure) -> list[fmpq]:
+        """Rationals c_d with |value| ≤ Σ c_d (q/q_hi)^{d/2}: |y|² ≤ r² q/q_hi, as `domain` has proven."""
+        sizes = self.domain.sizes(value.polynomial)
+        sizes += [fmpq(0)] * (len(value.remainder) - len(sizes))
+        for degree, size in enumerate(value.remainder):
+            sizes[degree] += size
+        return [size * self.domain.radius**degree for degree, size in enumerate(sizes)]
+
+    def _weighted(self, value: Enclosure) -> fmpq:
+        """σ |value| over this range of levels, at most: σ ≤ 1/drop."""
+        powers, piece = self._powers(value), self.piece
+        if not piece.drop[1]:
+            return sum(powers, fmpq(0)) / piece.drop[0]
+        # drop = q: (q/q_hi)^{d/2}/q is largest at q_hi from d = 2 on, at q_lo before
+        ratio = sqrt_upper(piece.lower / piece.upper)
+        inner = sum((c * ratio**degree for degree, c in enumerate(powers[:2])), fmpq(0))
+        return inner / piece.lower + sum(powers[2:], fmpq(0)) / piece.upper
+
+    # --- claims
+
+    @cached_property
+    def _targets(self) -> dict[HeldCell, fmpq_mpoly]:
+        return {}
+
+    def target(self, cell: HeldCell) -> fmpq_mpoly:
+        """−V̇/σ or −V̈/σ, less all that its polynomial leaves out."""
+        if cell not in self._targets:
+            self._targets[cell] = self._target(cell)
+        return self._targets[cell]
+
+    def _target(self, cell: HeldCell) -> fmpq_mpoly:
+        rate = self.first(cell.vertex) if cell.order == 1 else self.second(cell.vertex)
+        low, high = {}, {}  # by degree: what the squares can match, and what is bounded
+        for exponents, coefficient in rate.polynomial.to_dict().items():
+            part = low if sum(map(int, exponents)) <= 2 * self.degrees[0] else high
+            part[exponents] = coefficient
+        left_out = rate.largest_remainder + self.domain.bound(self.ring.from_dict(high))
+        left_out += self.spare if cell.order == 2 else 0
+        return self.domain.negative(self.ring.from_dict(low)) - left_out
+
+    def drop(self, cell: HeldCell) -> fmpq_mpoly:
+        return self.piece.drop_at(self.form)
+
+    def least_drop(self, cell: HeldCell) -> fmpq:
+        return self.piece.least_drop
+
+    def constraints(self, cell: HeldCell) -> list[fmpq_mpoly]:
+        """q − q_lo and q_hi − q; the first says nothing where q_lo is 0."""
+        above = [self.form - self.piece.lower] if self.piece.lower > 0 else []
+        return [*above, self.piece.upper - self.form]
+
+
+# --- what vertices of a steady reference do not see
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Sizes of terms of V̇ and V̈ over one range of levels: every polynomial bounded term by term.
+
+    `parameters` as in `HeldMotion`; `slopes` bounds |dr/dθ| of the reference's.
+    """
+
+    dynamics: Symbolic
+    states: tuple[str, ...]
+    parameters: Mapping[str, Range]
+    slopes: Mapping[str, fmpq]
+    shape: Matrix
+    piece: LevelPiece
+
+    @cached_property
+    def sizes(self) -> dict[str, fmpq]:
+        """Of states and parameters."""
+        inverse = fmpq_mat([list(row) for row in self.shape]).inv()
+        widths = [sqrt_upper(self.piece.upper * inverse[j, j]) for j in range(len(self.shape))]
+        values = {name: max(abs(lower), abs(upper)) for name, (lower, upper) in self.parameters.items()}
+        return dict(zip(self.states, widths, strict=True)) | values
+
+    @cached_property
+    def spare(self) -> fmpq:
+        """What V̈/σ may be above its largest value at a vertex beside a steady reference."""
+        varying = ((name, upper - lower) for name, (lower, upper) in self.parameters.items() if lower < upper)
+        return sum((self._rest(name) * width**2 / 4 for name, width in varying), self.wander)
+
+    @cached_property
+    def wander(self) -> fmpq:
+        """|∂V̇/∂r · r'(θ) u0|/σ: how fast V̇ changes by the reference alone."""
+        fastest = self.parameters[TIMING][1]
+        return sum((fastest * slope * self.gain(name) for name, slope in self.slopes.items() if slope), fmpq(0))
+
+    def gain(self, name: str) -> fmpq:
+        """|∂V̇/∂(parameter)|/σ."""
+        return self._uphill([self.dynamics.derivative(rate, name) for rate in self.dynamics.rates])
+
+    def _uphill(self, direction: Sequence[fmpq_mpoly]) -> fmpq:
+        """|∇q · direction|."""
+        gradient = (2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in range(len(self.shape)))
+        each = zip(gradient, direction, strict=True)
+        return sum((size * self.dynamics.size(entry, self.sizes) for size, entry in each), fmpq(0))
+
+    def _rest(self, name: str) -> fmpq:
+        """How negative the coefficient of the parameter's square in V̈/σ can be: ∇q·(∂b/∂x) b, b = ∂f/∂(parameter).
+
+        With V's own rate, u0² has 2 k ∇q·b as well; the squares 2 bᵀCb and k² q are left out.
+        """
+        dynamics = self.dynamics
+        b = [dynamics.derivative(rate, name) for rate in dynamics.rates]
+        turned = []
+        for entry in b:
+            slopes = (dynamics.derivative(entry, state) for state in self.states)
+            terms = (dynamics.domain.product(one, two) for one, two in zip(slopes, b, strict=True))
+            turned.append(sum(terms, dynamics.domain.ring.constant(0)))
+        own = 2 * abs(self.piece.timing[1]) * self._uphill(b) if name == TIMING else fmpq(0)
+        return self._uphill(turned) + own

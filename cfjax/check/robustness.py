@@ -1,0 +1,387 @@
+"""What a certified funnel absorbs: a control period, disturbances, errors of the pose, a delay.
+
+A law that reaches V̇ ≤ −λ' on the shell β̲ ≤ V ≤ 1, λ' a share of the certified λ, has λ' to spend. With bounds over the
+whole funnel, every input of the box and the reference along each stretch (`cfjax.check.held`),
+
+    D ≥ V̇,   M ≥ V̈,   N_i ≥ |∂V̇/∂x_i|,   G_i ≥ |∂V/∂x_i|,   F_i ≥ |ẋ_i|,   L = Σ N_i F_i + k u0_hi max|V̇| ,
+
+let inputs be held for a period h, ẋ be off by |d_i| ≤ δ_i, the pose by |e_i| ≤ ε_i, and let it be τ old. Then, s after
+the inputs were chosen, V̇ ≤ −λ' + Σ N_i ε_i + Σ G_i δ_i + (L + Σ N_i δ_i) τ + (M + Σ N_i δ_i) s where the law saw the
+shell; elsewhere V ≤ β̲ + ω + (D + Σ G_i δ_i)(h + τ), with ω by which the pose's error changes V. So V ≤ 1 − ω is kept if
+
+    (L + Σ N δ) τ + Σ G δ + Σ N ε + (M + Σ N δ) h/2 ≤ λ',          β̲ + 2 ω + (D + Σ G δ)(h + τ) ≤ 1;
+
+where a segment hands over to the next one, whose V is then γ at most, γ stands for β̲ + ω: until an input chosen for the
+new segment comes, V rises by (D + Σ G δ)(h + τ) at most. Without error of the pose ω = 0, and V ≤ 1 itself is kept.
+
+Curvature and acceleration that jump inside a segment, where V̇ jumps by J in all, take J out of λ'.
+
+A certificate states nothing of this: the bounds are proven from hints in a file beside it, the amounts then computed.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from flint import fmpq, fmpq_mat
+
+from cfjax.check.certified import LAW_SHARE
+from cfjax.check.decrease import level_bounds
+from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
+from cfjax.check.enclosure import LARGEST_EFFORT, Budget
+from cfjax.check.held import ORDERS, TIMING, HeldCell, HeldMotion, Terms, derivative_of, held_pieces, require_affine
+from cfjax.check.held_hints import DEGREES, HeldStretch, PieceHints
+from cfjax.check.piece import Piece, between
+from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
+from cfjax.check.program import CellProof, Matrix
+from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
+from cfjax.check.rational import is_positive_definite, sqrt_upper
+from cfjax.check.reader import Broken
+from cfjax.check.symbolic import Symbolic
+
+
+SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
+PERIOD, DISTURBANCE, POSE, DELAY = (fmpq(part, 10) for part in (4, 2, 2, 2))  # of λ', where all come together
+HALVINGS = 64
+GAMMA_STEPS = 16  # √γ is told to 2^-16
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Bounds over one funnel, as above: by state where they are several."""
+
+    rise: fmpq  # D, 1/s
+    bend: fmpq  # M, 1/s²
+    slopes: tuple[fmpq, ...]  # N, 1/s per unit of the state
+    gradient: tuple[fmpq, ...]  # G, per unit of the state
+    norms: tuple[fmpq, ...]  # an error ε_i of the pose changes √V (of the paper's template √q) by norms_i ε_i
+    widest: fmpq  # the largest √V (√q)
+    staleness: fmpq  # L, 1/s²
+    decrease: fmpq  # λ' − J, 1/s
+    inner: fmpq  # β̲, or γ where that is larger
+
+
+@dataclass(frozen=True)
+class Absorbed:
+    """What is absorbed together: h (s); δ (units of the states, a second) and ε (units), of all states; τ (s)."""
+
+    period: fmpq
+    disturbance: tuple[fmpq, ...]
+    pose_error: tuple[fmpq, ...]
+    delay: fmpq
+    level: fmpq  # V stays below, from every start below
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """What is absorbed by itself, of δ and ε one state's alone, and what is absorbed together."""
+
+    period: fmpq
+    disturbance: tuple[fmpq, ...]
+    pose_error: tuple[fmpq, ...]
+    delay: fmpq
+    joint: Absorbed
+    rates: tuple[Rates, ...]  # of each distinct segment
+
+
+def prove_robustness(
+    certificate: Certificate, dynamics: Symbolic, hints: Sequence[Sequence[HeldStretch]]
+) -> Robustness:
+    """What the funnels of a proven certificate absorb.
+
+    Raises:
+        Broken, ValueError: says what is not proven.
+    """
+    problem, course = certificate.problem, certificate.problem.course
+    if not isinstance(course, Course):
+        raise Broken("robustness: of funnels along a path only, not of a tube")
+    effort = Budget(MOST_EFFORT)
+    entries = _entries(certificate, course)
+    kinds = zip(problem.distinct, certificate.funnels, entries, hints, strict=True)
+    rates = tuple(
+        prove_rates(problem, dynamics, segment, funnel, entry, own, effort)
+        for segment, funnel, entry, own in kinds
+        if isinstance(segment, SegmentClaim)
+    )
+    return _absorbed(rates)
+
+
+# --- what follows from the bounds
+
+
+def _absorbed(rates: Sequence[Rates]) -> Robustness:
+    size = range(len(rates[0].slopes))
+    zero = (fmpq(0),) * len(size)
+    nothing = Absorbed(fmpq(0), zero, zero, fmpq(0), fmpq(1))
+    if any(one.decrease <= 0 for one in rates):
+        raise Broken("robustness: the reference jumps by more than the margin makes up for")
+
+    def unit(i: int, value: fmpq) -> tuple[fmpq, ...]:
+        return tuple(value if k == i else fmpq(0) for k in size)
+
+    period = min(min(2 * one.decrease / one.bend, (1 - one.inner) / one.rise) for one in rates)
+    delay = min(min(one.decrease / one.staleness, (1 - one.inner) / one.rise) for one in rates)
+    disturbance = [min(one.decrease / one.gradient[i] for one in rates) for i in size]
+    errors = [min(one.decrease / one.slopes[i] for one in rates) for i in size]
+    together = Absorbed(
+        period=PERIOD * period,
+        disturbance=tuple(DISTURBANCE * value / len(size) for value in disturbance),
+        pose_error=tuple(POSE * value / len(size) for value in errors),
+        delay=DELAY * delay,
+        level=fmpq(1),
+    )
+    return Robustness(
+        period=_largest(rates, replace(nothing, period=period)).period,
+        disturbance=tuple(
+            _largest(rates, replace(nothing, disturbance=unit(i, value))).disturbance[i]
+            for i, value in enumerate(disturbance)
+        ),
+        pose_error=tuple(
+            _largest(rates, replace(nothing, pose_error=unit(i, value))).pose_error[i] for i, value in enumerate(errors)
+        ),
+        delay=_largest(rates, replace(nothing, delay=delay)).delay,
+        joint=_largest(rates, together),
+        rates=tuple(rates),
+    )
+
+
+def _largest(rates: Sequence[Rates], wanted: Absorbed) -> Absorbed:
+    """The wanted amounts, or the largest part of them, by halving, for which the inequalities above hold."""
+    factor, step, best = fmpq(1), fmpq(1), None
+    for _ in range(HALVINGS):
+        tried = Absorbed(
+            period=factor * wanted.period,
+            disturbance=tuple(factor * value for value in wanted.disturbance),
+            pose_error=tuple(factor * value for value in wanted.pose_error),
+            delay=factor * wanted.delay,
+            level=fmpq(1),
+        )
+        levels = [kept_level(one, tried) for one in rates]
+        good = all(level is not None for level in levels)
+        if good:
+            best = replace(tried, level=min(level for level in levels if level is not None))
+            if factor == 1 or step < fmpq(1, 64):
+                return best
+        step /= 2
+        factor = factor + step if good else factor - step
+    if best is None:
+        raise Broken("robustness: nothing is absorbed")
+    return best
+
+
+def kept_level(rates: Rates, amounts: Absorbed) -> fmpq | None:
+    """1 − ω where the inequalities above hold for one funnel, else None."""
+    drift = _dot(rates.gradient, amounts.disturbance)
+    shaken = _dot(rates.slopes, amounts.disturbance)
+    spent = (
+        (rates.staleness + shaken) * amounts.delay
+        + drift
+        + _dot(rates.slopes, amounts.pose_error)
+        + (rates.bend + shaken) * amounts.period / 2
+    )
+    norm = _dot(rates.norms, amounts.pose_error)
+    omega = 2 * rates.widest * norm + norm * norm
+    inside = rates.inner + 2 * omega + (rates.rise + drift) * (amounts.period + amounts.delay)
+    return 1 - omega if spent <= rates.decrease and inside <= 1 else None
+
+
+def _dot(first: Sequence[fmpq], second: Sequence[fmpq]) -> fmpq:
+    return sum((a * b for a, b in zip(first, second, strict=True)), fmpq(0))
+
+
+# --- the bounds
+
+
+def _entries(certificate: Certificate, course: Course) -> list[fmpq]:
+    """γ of each distinct segment: V at its start at most, where another one hands over to it; 0 where none does."""
+    found = [fmpq(0)] * len(certificate.funnels)
+    for before, after, gap in links(course):
+        first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
+        duration = course.segments[before].duration
+        jump = gap.jump(second.shape, fmpq_mat([list(row) for row in second.shape]).inv())
+        level = level_bounds(first.template, first.rate, duration)[1]
+        low, high = jump, fmpq(1)  # √γ
+        for _ in range(GAMMA_STEPS):
+            middle = (low + high) / 2
+            factor = level / (middle - jump) ** 2
+            rows = zip(first.shape, second.shape, strict=True)
+            inside = is_positive_definite([[a - factor * b for a, b in zip(*row, strict=True)] for row in rows])
+            low, high = (low, middle) if inside else (middle, high)
+        kind = course.kinds[after]
+        found[kind] = max(found[kind], high * high)
+    return found
+
+
+def prove_rates(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    segment: SegmentClaim,
+    funnel: FunnelClaim,
+    entry: fmpq,
+    hints: Sequence[HeldStretch],
+    effort: Budget,
+) -> Rates:
+    """Bounds over one funnel, from hints for every stretch of it; `entry` is γ.
+
+    Raises:
+        Broken, ValueError: says what is not proven.
+    """
+    found: list[_Sizes] = []
+    begin = fmpq(0)
+    for stretch in hints:
+        if not begin < stretch.end <= segment.duration:
+            raise Broken("robustness: the stretches do not follow each other along the segment")
+        found += _prove_stretch(problem, dynamics, segment, funnel, (begin, stretch.end), stretch.pieces, effort)
+        begin = stretch.end
+    if begin != segment.duration:
+        raise Broken("robustness: the stretches do not end where the segment does")
+    states = range(len(problem.vehicle.states))
+    paper = funnel.template == "paper"
+    widest = sqrt_upper(max(sizes.level for sizes in found)) if paper else fmpq(1)
+    least = fmpq(1) if paper else min(sizes.least_level for sizes in found)
+    norms = tuple(sqrt_upper(funnel.shape[i][i] / least) for i in states)
+    slopes = tuple(max(sizes.slopes[i] for sizes in found) for i in states)
+    speeds = tuple(max(sizes.speeds[i] for sizes in found) for i in states)
+    jumps = [_jump(before, after, found) for before, after in itertools.pairwise(segment.pieces)]
+    return Rates(
+        rise=max(sizes.rise for sizes in found),
+        bend=max(sizes.bend for sizes in found),
+        slopes=slopes,
+        gradient=tuple(2 * widest * norm for norm in norms),
+        norms=norms,
+        widest=widest,
+        staleness=_dot(slopes, speeds) + max(sizes.stir for sizes in found),
+        decrease=SHARE * funnel.margin - sum(jumps, fmpq(0)),
+        inner=max(funnel.beta_lower, entry),
+    )
+
+
+class _Sizes(NamedTuple):
+    """What is proven on one range of levels of a stretch."""
+
+    level: fmpq
+    least_level: fmpq
+    rise: fmpq  # V̇
+    bend: fmpq  # V̈
+    slopes: tuple[fmpq, ...]  # |∂V̇/∂x_i|
+    speeds: tuple[fmpq, ...]  # |ẋ_i|
+    stir: fmpq  # |∂V̇/∂θ u0|, by V's own rate and by the reference's
+    gains: dict[str, fmpq]  # |∂V̇/∂r|
+
+
+def motions(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    parts: Sequence[Piece],
+    funnel: FunnelClaim,
+    span: tuple[fmpq, fmpq],
+) -> list[tuple[HeldMotion, Terms]]:
+    """What has to be bounded on a stretch of θ, whose parts are given: for each range of levels, without hints yet."""
+    box, slopes = reference_box(parts)
+    states, read = problem.vehicle.states, set(problem.vehicle.graph.inputs())
+    parameters = {f"input:{name}": limits for name, limits in problem.inputs.items()}
+    parameters |= {name: limits for name, limits in box.items() if name in read}
+    slopes = {name: bound for name, bound in slopes.items() if name in read}
+    require_affine(dynamics, parameters)
+    found = []
+    for piece in held_pieces(funnel.template, funnel.rate, span):
+        terms = Terms(dynamics, states, parameters, slopes, funnel.shape, piece)
+        motion = HeldMotion(
+            graph=problem.vehicle.graph,
+            states=states,
+            parameters=parameters,
+            spare=terms.spare,
+            shape=funnel.shape,
+            whitening=[],
+            piece=piece,
+            enclosures={},
+            derivatives={},
+            degrees=(DEGREES[0], *([DEGREES[1]] * (2 if piece.lower > 0 else 1))),
+        )
+        found.append((motion, terms))
+    return found
+
+
+def _prove_stretch(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    segment: SegmentClaim,
+    funnel: FunnelClaim,
+    span: tuple[fmpq, fmpq],
+    hints: Sequence[PieceHints],
+    effort: Budget,
+) -> list[_Sizes]:
+    asked = motions(problem, dynamics, between(segment.pieces, *span), funnel, span)
+    if len(asked) != len(hints):
+        raise Broken(f"robustness: expected hints for {len(asked)} ranges of levels, got {len(hints)}")
+    found = []
+    for (motion, terms), own in zip(asked, hints, strict=True):
+        functions = problem.vehicle.graph.functions()
+        enclosures = prove_enclosures(own.enclosures, functions, effort)
+        slopes = {node: derivative_of(name)[0] for node, name in functions.items()}
+        derivatives = prove_enclosures(own.derivatives, slopes, effort)
+        told = replace(motion, whitening=own.whitening, enclosures=enclosures, derivatives=derivatives)
+        found.append(_prove_sizes(told, terms, own.cells, effort))
+    return found
+
+
+def _prove_sizes(
+    motion: HeldMotion, terms: Terms, cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Matrix, ...]]], effort: Budget
+) -> _Sizes:
+    if cells.keys() != {(cell.order, cell.vertex) for cell in motion.cells()}:
+        raise Broken(f"robustness: the bounds have to cover {len(motion.vertices)} vertices, V' and V'' at each")
+    margins: dict[int, fmpq] = dict.fromkeys(ORDERS, fmpq(0))
+    slopes = [fmpq(0)] * len(motion.states)
+    speeds = [fmpq(0)] * len(motion.states)
+    swiftness = fmpq(0)
+    for vertex in range(len(motion.vertices)):
+        here = replace(motion)  # with a budget of its own
+        for order in ORDERS:
+            margin, grams = cells[order, vertex]
+            shown = here.proven_margin(CellProof(HeldCell(order, vertex), margin, grams))
+            margins[order] = max(margins[order], -shown)
+        slopes = [max(pair) for pair in zip(slopes, here.slopes(vertex), strict=True)]
+        speeds = [max(pair) for pair in zip(speeds, here.speeds(vertex), strict=True)]
+        swiftness = max(swiftness, here.swiftness(vertex))
+        effort.spend(LARGEST_EFFORT - here.domain.budget.left)
+    piece = motion.piece
+    own = abs(piece.timing[1]) * motion.parameters[TIMING][1] * swiftness
+    return _Sizes(
+        level=piece.upper,
+        least_level=piece.least_drop,
+        rise=margins[1],
+        bend=margins[2],
+        slopes=tuple(slopes),
+        speeds=tuple(speeds),
+        stir=own + terms.wander / piece.least_drop,
+        gains={name: terms.gain(name) / piece.least_drop for name in terms.slopes},
+    )
+
+
+def reference_box(parts: Sequence[Piece]) -> tuple[dict[str, tuple[fmpq, fmpq]], dict[str, fmpq]]:
+    """Ranges of what the dynamics see of the pieces, by the graph's names, and bounds of their slopes: by Bernstein."""
+    box: dict[str, tuple[fmpq, fmpq]] = {}
+    slopes: dict[str, fmpq] = {}
+    for part in parts:
+        for name, values in _profile(part).items():
+            control, change = bernstein(values, part.duration), bernstein(derivative(values), part.duration)
+            lower, upper = box.get(name, (control[0], control[0]))
+            box[name] = min(lower, *control), max(upper, *control)
+            slopes[name] = max(slopes.get(name, fmpq(0)), *map(abs, change))
+    return box, slopes
+
+
+def _profile(part: Piece) -> dict[str, Coefficients]:
+    """What the dynamics see, by the graph's names, as polynomials."""
+    turn, speed = part.turn_rate, part.speed
+    seen = {"turn_rate": turn, "speed": speed, "turn_rate_slope": derivative(turn), "speed_slope": derivative(speed)}
+    return {f"reference:{name}": values for name, values in seen.items()}
+
+
+def _jump(before: Piece, after: Piece, found: Sequence[_Sizes]) -> fmpq:
+    """By how much V̇ jumps where one piece follows another one."""
+    ends = {name: evaluate(values, before.duration) for name, values in _profile(before).items()}
+    starts = {name: values[0] for name, values in _profile(after).items()}
+    gains = {name: max(sizes.gains[name] for sizes in found) for name in found[0].gains}
+    return sum((abs(starts[name] - ends[name]) * gain for name, gain in gains.items()), fmpq(0))

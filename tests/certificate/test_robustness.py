@@ -1,0 +1,367 @@
+"""What a funnel absorbs: the bounds against V itself, evaluated in floating point, and attacks on what follows."""
+
+import copy
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flint import fmpq
+
+from cfjax.certificate import certify
+from cfjax.certificate.robustness import hints_for, robustness_document
+from cfjax.certificate.stretches import round_funnel
+from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.writing import write_problem
+from cfjax.check import Outcome, check_document
+from cfjax.check.document import FunnelClaim, Room, SegmentClaim, document_hash, read_problem
+from cfjax.check.enclosure import Budget
+from cfjax.check.held_hints import read_stretch
+from cfjax.check.reader import Item
+from cfjax.check.replay import check_robustness
+from cfjax.check.robustness import Absorbed, Rates, Robustness, kept_level, prove_rates
+from cfjax.check.symbolic import symbolic
+from cfjax.control import LAWS
+from cfjax.control.law import LAW_SHARE, law_numbers
+from cfjax.funnel import Funnel, template_named
+from cfjax.problem import Method, Path, Pose, Problem, Profile, ReferencePoint, Segment, ball, deviation_rate
+
+
+DURATION, SAMPLES = 2.0, 20_000
+BEND = np.array(
+    [
+        [1.49213, -2.8409, -0.664931, 0.207919],
+        [-2.8409, 10.2684, -0.199129, -0.119166],
+        [-0.664931, -0.199129, 11.0539, -0.218095],
+        [0.207919, -0.119166, -0.218095, 1.13316],
+    ]
+)
+CASES = (("circle pf contracting", 1), ("straight pf paper", 1), ("bend tt contracting", 1))
+
+
+@pytest.fixture(scope="module")
+def case(candidate: Callable[..., tuple[Problem, Funnel]]) -> Callable[[str], tuple[Problem, Funnel]]:
+    """A problem and a funnel by name; the bend has a curvature that changes fast, and a speed that grows."""
+
+    def make(name: str) -> tuple[Problem, Funnel]:
+        if not name.startswith("bend"):
+            return candidate(*name.split())
+        turn = Profile((0.0, DURATION), ((0.0, 0.0, 2.0, -2.0, 0.5),))
+        segment = Segment(turn, Profile((0.0, DURATION), ((1.0, 0.2),)), Pose(0.0, 0.0, 0.0))
+        problem = Problem(Path("bend", (segment,)), inlet=ball(0.3), goal=ball(0.5), method=Method.TT)
+        return problem, Funnel(template_named("contracting"), BEND, 0.3, DURATION)
+
+    return make
+
+
+def rates_of(problem: Problem, funnel: Funnel, cuts: int = 1) -> Rates:
+    """Proven bounds for a margin of 1 1/s, whatever the funnel's own is."""
+    graph = trace_deviation(problem.vehicle)
+    claim = read_problem(write_problem(problem, graph))
+    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
+    segment = claim.distinct[0]
+    assert isinstance(segment, SegmentClaim)
+    rounded = round_funnel(funnel, problem.path.segments[0])
+    one = FunnelClaim(
+        funnel.template.name, rounded.shape, rounded.rate, rounded.beta_lower, rounded.beta_inner, fmpq(1), None
+    )
+    ends = [segment.duration * fmpq(k + 1, cuts) for k in range(cuts)]
+    with ThreadPoolExecutor(1) as pool:
+        hints = hints_for(claim, dynamics, segment, one, ends, pool)
+    read = [read_stretch(Item(entry, "stretch"), len(claim.vehicle.states), Room(10**6)) for entry in hints]
+    return prove_rates(claim, dynamics, segment, one, fmpq(0), read, Budget(10**9))
+
+
+def motion_of(problem: Problem, funnel: Funnel) -> tuple[Callable, Callable]:
+    """V(z) and ż(z, u) for z = (θ, x), beside the first segment's reference, in floating point."""
+    segment, template = problem.path.segments[0], funnel.template
+    shape = jnp.asarray(funnel.shape)
+    (turn,), (speed,) = segment.turn_rate.coefficients, segment.speed.coefficients
+
+    def polynomial(coefficients: tuple[float, ...], order: int) -> Callable:
+        found = np.polynomial.Polynomial(coefficients).deriv(order) if order else np.polynomial.Polynomial(coefficients)
+        return lambda theta: jnp.polyval(jnp.asarray(found.coef[::-1]), theta)
+
+    profile = [polynomial(turn, 0), polynomial(speed, 0), polynomial(turn, 1), polynomial(speed, 1)]
+
+    def value(z: jax.Array) -> jax.Array:
+        return template.value(funnel.rate, z[0], z[1:] @ shape @ z[1:])
+
+    def rate(z: jax.Array, u: jax.Array) -> jax.Array:
+        point = ReferencePoint(*(each(z[0]) for each in profile))
+        rates = deviation_rate(problem.vehicle, tuple(z[1:]), tuple(u), point)
+        return jnp.stack([u[0], *(jnp.asarray(entry, float) for entry in rates)])
+
+    return value, rate
+
+
+def states_inside(problem: Problem, funnel: Funnel, count: int, edge: float = 0.5) -> np.ndarray:
+    """Random (θ, x) with V ≤ 1, a share of them at V = 1, a tenth at either end of θ."""
+    rng = np.random.default_rng(0)
+    theta = rng.uniform(0, funnel.duration, count)
+    theta[: count // 10], theta[count // 10 : count // 5] = 0.0, funnel.duration
+    y = rng.normal(size=(count, problem.dimension))
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    rho = np.where(rng.uniform(size=count) < edge, 1.0, rng.uniform(size=count) ** (1 / problem.dimension))
+    level = np.array([float(funnel.level(t)) for t in theta])
+    x = y @ np.linalg.inv(np.linalg.cholesky(funnel.shape)) * (np.sqrt(level) * rho)[:, None]
+    return np.column_stack([theta, x])
+
+
+def inputs_of(problem: Problem, count: int) -> np.ndarray:
+    """Of the box: all corners, over and over, and between them."""
+    corners = np.array(list(product(*((box.lower, box.upper) for box in problem.inputs))))
+    rng = np.random.default_rng(1)
+    lower, upper = ([getattr(box, end) for box in problem.inputs] for end in ("lower", "upper"))
+    between = rng.uniform(lower, upper, (count, len(lower)))
+    return np.where((np.arange(count) % 4 == 0)[:, None], between, corners[rng.integers(len(corners), size=count)])
+
+
+@pytest.mark.parametrize(("name", "cuts"), CASES)
+def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], tuple[Problem, Funnel]]) -> None:
+    problem, funnel = case(name)
+    bounds = rates_of(problem, funnel, cuts)
+    value, rate = motion_of(problem, funnel)
+    z, u = jnp.asarray(states_inside(problem, funnel, SAMPLES)), jnp.asarray(inputs_of(problem, SAMPLES))
+    other = jnp.roll(u, 1, axis=0)
+
+    def first(z: jax.Array, u: jax.Array) -> jax.Array:
+        return jax.jvp(value, (z,), (rate(z, u),))[1]
+
+    def along(z: jax.Array, u: jax.Array, moved_by: jax.Array) -> jax.Array:
+        return jax.jvp(lambda at: first(at, u), (z,), (rate(z, moved_by),))[1]
+
+    @jax.jit
+    @jax.vmap
+    def all_of(z: jax.Array, u: jax.Array, other: jax.Array) -> tuple:
+        return first(z, u), along(z, u, u), along(z, u, other), jax.grad(first)(z, u)[1:], jax.grad(value)(z)[1:]
+
+    rise, bend, stale, slopes, gradient = (np.asarray(found) for found in all_of(z, u, other))
+    # along a bend they hold for every reference between the extreme ones at every level, which is more than is there
+    close = 0.85 if problem.path.segments[0].is_steady else 0.6
+    assert close * float(bounds.rise) < rise.max() <= float(bounds.rise)
+    assert close * float(bounds.bend) < bend.max() <= float(bounds.bend)
+    assert np.abs(stale).max() <= float(bounds.staleness)
+    assert (np.abs(slopes).max(axis=0) <= np.array([float(bound) for bound in bounds.slopes])).all()
+    assert (np.abs(gradient).max(axis=0) <= np.array([float(bound) for bound in bounds.gradient]) * (1 + 1e-12)).all()
+
+
+def hold(
+    problem: Problem, funnel: Funnel, z: jax.Array, u: jax.Array, period: float, off: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """Where a car is after inputs were held for a period, its rates off by a constant, and the largest V on the way."""
+    value, rate = motion_of(problem, funnel)
+    h = period / 8
+
+    def step(z: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
+        k1 = rate(z, u) + off
+        k2 = rate(z + h / 2 * k1, u) + off
+        k3 = rate(z + h / 2 * k2, u) + off
+        z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(z + h * k3, u) + off)
+        return z, value(z)
+
+    z, values = jax.lax.scan(step, z, None, length=8)
+    return z, values.max()
+
+
+@pytest.fixture(scope="module")
+def absorbed(case: Callable[[str], tuple[Problem, Funnel]]) -> tuple[Problem, Funnel, float, Robustness, dict, dict]:
+    """The circle's certified funnel and margin, what is proven of it, and the two files."""
+    problem, funnel = case("circle pf contracting")
+    found = certify(problem, [funnel])
+    assert found.document is not None and found.margins is not None
+    hints = robustness_document(found.document)
+    report = check_robustness(check_document(found.document), found.document, hints)
+    assert report.outcome is Outcome.PROVEN, report.message
+    assert report.robustness is not None
+    return problem, found.funnels[0], found.margins[0], report.robustness, found.document, hints
+
+
+def inside_the_lap(problem: Problem, funnel: Funnel, count: int, time: float, edge: float = 0.5) -> jax.Array:
+    """States from which the lap does not end within the time."""
+    z = states_inside(problem, funnel, count, edge)
+    z = z[z[:, 0] < funnel.duration - problem.inputs[0].upper * time]
+    return jnp.asarray(z)
+
+
+def test_no_input_that_a_law_may_take_can_be_held_so_long_that_v_leaves(absorbed: Any) -> None:
+    """At V ≥ β̲ any input of the box with V̇ ≤ −λ', below it any at all: the largest V after h*, and after more."""
+    problem, funnel, margin, proven, *_ = absorbed
+    period, decrease = float(proven.period), LAW_SHARE * margin
+    value, rate = motion_of(problem, funnel)
+    z = inside_the_lap(problem, funnel, 4000, 32 * period, edge=0.3)
+    u = jnp.asarray(inputs_of(problem, 40))
+
+    @jax.jit
+    def worst(period: float) -> tuple[jax.Array, jax.Array]:
+        def one(z: jax.Array, u: jax.Array) -> tuple[jax.Array, jax.Array]:
+            falls = jax.jvp(value, (z,), (rate(z, u),))[1] <= -decrease
+            allowed = falls | (value(z) < funnel.beta_lower)
+            return allowed, jnp.where(allowed, hold(problem, funnel, z, u, period, jnp.zeros_like(z))[1], 0.0)
+
+        return jax.vmap(lambda z: jax.vmap(lambda u: one(z, u))(u))(z)
+
+    for share in (1.0, 0.5):
+        allowed, values = worst(share * period)
+        assert np.asarray(allowed).sum() > 20_000
+        assert float(values.max()) <= 1.0
+    assert float(worst(4 * period)[1].max()) > 1.0  # the bound is no more than four times too careful
+
+
+def attack(absorbed: Any, amounts: Absorbed, seed: int = 0) -> float:
+    """The largest V above what is to be kept: 20 000 cars with errors at their limits, delays under other inputs."""
+    problem, funnel, margin, *_ = absorbed
+    rng = np.random.default_rng(seed)
+    value, _ = motion_of(problem, funnel)
+    numbers, reference = law_numbers(problem, funnel, margin), problem.path.segments[0].point(0.0)
+    period, delay, level = float(amounts.period), float(amounts.delay), float(amounts.level)
+    z = inside_the_lap(problem, funnel, SAMPLES, period + delay)
+    z = z.at[:, 1:].multiply(math.sqrt(level))
+    size = (len(z), problem.dimension)
+    shake = rng.choice([-1.0, 1.0], size=size) * [float(d) for d in amounts.disturbance]
+    wrong = rng.choice([-1.0, 1.0], size=size) * [float(e) for e in amounts.pose_error]
+    before = jnp.asarray(inputs_of(problem, len(z)))
+    off = jnp.asarray(np.column_stack([np.zeros(len(z)), shake]))
+
+    @jax.jit
+    @jax.vmap
+    def one(z: jax.Array, wrong: jax.Array, off: jax.Array, before: jax.Array) -> jax.Array:
+        # where the car came from, so that it is at the edge now
+        then, on_the_way = hold(problem, funnel, z, before, -delay, off) if delay else (z, value(z))
+        seen = then[1:] + wrong
+        u = jnp.stack(LAWS["min_norm"](problem.vehicle, funnel.template, numbers, reference, then[0], tuple(seen)))
+        _, after = hold(problem, funnel, z, u, max(period, 1e-6), off)
+        return jnp.where((on_the_way <= level + 1e-12) & (then[0] >= 0), after - level, -1.0)
+
+    return float(one(z, jnp.asarray(wrong), off, before).max())
+
+
+def alone(proven: Robustness, what: str, state: int = 0) -> Absorbed:
+    size = len(proven.disturbance)
+    nothing = (fmpq(0),) * size
+    amounts = Absorbed(fmpq(0), nothing, nothing, fmpq(0), fmpq(1))
+    fields = {field: getattr(amounts, field) for field in ("period", "disturbance", "pose_error", "delay")}
+    amount = getattr(proven, what)
+    if isinstance(amount, tuple):
+        amount = tuple(value if k == state else fmpq(0) for k, value in enumerate(amount))
+    fields[what] = amount
+    level = min(
+        kept for one in proven.rates if (kept := kept_level(one, Absorbed(**fields, level=fmpq(1)))) is not None
+    )
+    return Absorbed(**fields, level=level)
+
+
+def scaled(amounts: Absorbed, factor: int) -> Absorbed:
+    return Absorbed(
+        period=factor * amounts.period,
+        disturbance=tuple(factor * value for value in amounts.disturbance),
+        pose_error=tuple(factor * value for value in amounts.pose_error),
+        delay=factor * amounts.delay,
+        level=amounts.level,
+    )
+
+
+@pytest.mark.parametrize("what", ["period", "disturbance", "pose_error", "delay", "joint"])
+def test_the_law_keeps_v_under_what_is_absorbed(absorbed: Any, what: str) -> None:
+    proven = absorbed[3]
+    several = what in ("disturbance", "pose_error")
+    for state in range(4 if several else 1):
+        amounts = proven.joint if what == "joint" else alone(proven, what, state)
+        assert attack(absorbed, amounts) <= 1e-9
+        assert attack(absorbed, scaled(amounts, 32)) > 0  # the attack is none that nothing would fail
+
+
+def test_amounts_by_hand() -> None:
+    """One state, D = 10, M = 100, N = 2, G = 3, L = 50, λ' = 1, β̲ = 0.9: the inequalities, filled up one by one."""
+    numbers = {"slopes": (2,), "gradient": (3,), "norms": (fmpq(1, 100),)}
+    rates = Rates(
+        rise=fmpq(10),
+        bend=fmpq(100),
+        widest=fmpq(1),
+        staleness=fmpq(50),
+        decrease=fmpq(1),
+        inner=fmpq(9, 10),
+        **{name: tuple(map(fmpq, entry)) for name, entry in numbers.items()},
+    )
+
+    def kept(period: str = "0", disturbance: str = "0", pose_error: str = "0", delay: str = "0") -> fmpq | None:
+        h, d, e, tau = (fmpq(*map(int, text.split("/"))) for text in (period, disturbance, pose_error, delay))
+        return kept_level(rates, Absorbed(h, (d,), (e,), tau, fmpq(1)))
+
+    assert kept() == kept(period="1/100") == kept(disturbance="1/3") == kept(delay="1/100") == 1
+    assert kept(period="101/10000") is None  # β̲ + D h
+    assert kept(disturbance="34/100") is None  # G δ
+    assert kept(delay="101/10000") is None
+    assert kept(pose_error="1/2") == 1 - (fmpq(1, 100) + fmpq(1, 40000))  # 2 ω = 2 (2 ε/100 + ε²/10⁴) of 1 − β̲
+    assert kept(pose_error="51/100") is None  # N ε
+    assert kept(disturbance="1/6", delay="1/100") is None  # (L + N δ) τ + G δ
+    assert kept(disturbance="1/10", period="1/100", delay="1/1000") is None  # β̲ + (D + G δ)(h + τ)
+    assert kept(disturbance="1/10", period="8/1000", delay="1/1000") == 1
+
+
+def spoiled(hints: dict, change: Callable[[dict], None]) -> dict:
+    copied = copy.deepcopy(hints)
+    change(copied)
+    copied["hash"] = document_hash(copied)
+    return copied
+
+
+def test_files_that_show_less_or_nothing(absorbed: Any) -> None:
+    *_, proven, document, hints = absorbed
+    report = check_document(document)
+    assert "may hold them for" in check_robustness(report, document, hints).message
+
+    def answer(change: Callable[[dict], None]) -> tuple[Outcome, str]:
+        found = check_robustness(report, document, spoiled(hints, change))
+        return found.outcome, found.message
+
+    def cells(hints: dict) -> list:
+        return hints["funnels"][0][0]["levels"][0]["cells"]
+
+    outcome, message = answer(lambda h: cells(h).pop())
+    assert outcome is Outcome.BROKEN and "8 vertices" in message
+    outcome, message = answer(lambda h: h["funnels"][0][0].update(end="7"))
+    assert outcome is Outcome.BROKEN and "do not follow each other along the segment" in message
+    outcome, message = answer(lambda h: h["funnels"][0][0].update(end="599/100"))
+    assert outcome is Outcome.BROKEN
+    outcome, message = answer(lambda h: h["funnels"][0][0]["levels"].pop())
+    assert outcome is Outcome.BROKEN and "2 ranges of levels" in message
+    outcome, message = answer(lambda h: h.update(certificate="sha256:0"))
+    assert outcome is Outcome.BROKEN and "another certificate" in message
+    outcome, message = answer(lambda h: h["funnels"][0][0]["levels"][0].pop("derivatives"))
+    assert outcome is Outcome.UNREADABLE and "derivatives" in message
+    wrong = {**hints, "certificate": "x"}
+    assert "hash" in check_robustness(report, document, wrong).message
+
+    def gram(h: dict) -> None:
+        cells(h)[1]["grams"][0]["lower"][0] *= -1
+
+    assert answer(gram)[0] is Outcome.BROKEN
+
+    # a bound that claims more is proven to be what it is: not better than before
+    def bolder(h: dict) -> None:
+        for cell in [cell for level in h["funnels"][0][0]["levels"] for cell in level["cells"]]:
+            cell["margin"] = str(fmpq(*map(int, cell["margin"].split("/"))) / 2)
+
+    found = check_robustness(report, document, spoiled(hints, bolder))
+    assert found.outcome is Outcome.PROVEN and found.robustness is not None
+    assert found.robustness.period < proven.period and found.robustness.rates[0].bend > proven.rates[0].bend
+
+
+def test_authority_makes_the_box_smaller_around_what_the_reference_needs() -> None:
+    problem = Problem(Path("line", (Segment(Profile.constant(0.5, 1.0), Profile.constant(1.0, 1.0), Pose(0, 0, 0)),)))
+    half = Problem(problem.path, authority=0.5)
+    needed = problem.feedforward(problem.path.segments[0].point(0.0))
+    for full, small, middle in zip(problem.inputs, half.inputs, needed, strict=True):
+        assert small.lower == pytest.approx((full.lower + middle) / 2)
+        assert small.upper == pytest.approx((full.upper + middle) / 2)
+    tracking = Problem(problem.path, authority=0.5, method=Method.TT)
+    assert tracking.inputs[0].lower == tracking.inputs[0].upper == 1.0
+    for wrong in (0.0, 1.5, float("nan")):
+        with pytest.raises(ValueError, match="authority: expected a number above 0 and at most 1"):
+            Problem(problem.path, authority=wrong)
