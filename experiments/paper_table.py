@@ -117,15 +117,18 @@ def run(row: str, template: str, method: str, learner: str, cars: int, more: Seq
 
 @dataclass(frozen=True)
 class Comparison:
-    """One row for all learners: what a learner found, certified, in 1/s; figures in the order of the learners."""
+    """One row for all learners: certified margins (1/s), or the verdict, empty where a learner was not run.
+
+    Figures stand in the order of the learners; only elimination has witnesses, and searches that end.
+    """
 
     row: str
     template: str
     method: str
     paper: str
-    gradient: float | None
-    polytope: float | None
-    revised: float | None
+    gradient: str
+    polytope: str
+    revised: str
     candidates: str
     witnesses: str
     searches: str
@@ -138,6 +141,11 @@ def compared(lines: Sequence[Line]) -> list[Comparison]:
     for line in lines:
         found.setdefault((line.row, line.template, line.method), {})[line.learner] = line
 
+    def outcome(line: Line | None) -> str:
+        if line is None:
+            return ""
+        return line.verdict if line.certified is None else f"{line.certified:.4g}"
+
     def told(of: dict[str, Line], name: str) -> str:
         values = (getattr(of[learner], name) for learner in LEARNERS if learner in of)
         return " / ".join(f"{v:.0f}" if isinstance(v, float) else str(v) for v in values if v not in (None, ""))
@@ -146,7 +154,7 @@ def compared(lines: Sequence[Line]) -> list[Comparison]:
         Comparison(
             *case,
             next(iter(of.values())).paper,
-            *(of[learner].certified if learner in of else None for learner in LEARNERS),
+            *(outcome(of.get(learner)) for learner in LEARNERS),
             *(told(of, name) for name in ("candidates", "witnesses", "searches", "seconds")),
         )
         for case, of in found.items()
