@@ -8,6 +8,7 @@ the input box and the margins.
 import hashlib
 import textwrap
 from collections.abc import Iterable, Sequence
+from decimal import ROUND_FLOOR
 from importlib import resources
 from pathlib import Path
 from string import Template as Text
@@ -15,7 +16,9 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+from flint import fmpq
 
+from cfjax.check.rational import decimal_text
 from cfjax.control.law import LAW_SHARE, law_numbers
 from cfjax.errors import InputError
 from cfjax.export.graph_c import dynamics, number, straight
@@ -243,6 +246,22 @@ A deviation is seen from the reference: heading, to its right, ahead, then the i
 Guaranteed of the law in continuous time, for the vehicle above: whoever is in V <= 1 stays there up to the path's \
 end. I (half-axes {axes}) lies in V <= 1 at the start, V <= 1 lies in G (half-axes {goal}) at the end.{safe}
 Lap after lap: {_laps(result)}
-The certificate speaks of real numbers and of inputs that follow the state at once. What floating point and inputs \
-held for a step take away is not part of it: it has to fit into the {1 - LAW_SHARE:.0%} of the margin that the law \
-does not ask for and into what V loses anyway. Each step says whether V <= 1."""
+{_held(result)} Floating point is not part of any proof here. Each step says whether V <= 1."""
+
+
+def _held(result: Result) -> str:
+    """What is proven of steps that take time."""
+    if result.robustness is None:
+        return (
+            "The certificate speaks of inputs that follow the state at once. What inputs held for a step take away has "
+            f"to fit into the {1 - LAW_SHARE:.0%} of the margin that the law does not ask for and into what V loses "
+            "anyway."
+        )
+    alone, together = (
+        decimal_text(fmpq(*amounts.period.as_integer_ratio()), ROUND_FLOOR)
+        for amounts in (result.robustness.alone, result.robustness.together)
+    )
+    return (
+        f"Held for a step: the same is proven for steps of up to {alone} s with nothing else amiss, or of up to "
+        f"{together} s with the disturbance, pose error and delay of `jointly` in result.json."
+    )

@@ -133,6 +133,10 @@ def print_summary(experiment: "Experiment", loop: SampledLoop) -> None:
     counts = ("arrived", "in_goal", "left_safe", "left_funnel", "failed")
     told = ", ".join(f"{content[name]} {label}" for name, label in zip(counts, COUNTS, strict=True))
     print(f"{content['cars']} cars, {content['started_in_funnel']} started in the funnel: {told}")
+    if robustness := experiment.result.robustness:
+        proven = robustness.alone.period
+        inside = "inside" if experiment.period <= proven else "beyond"
+        print(f"control period {experiment.period:g} s, {inside} the proven {1e3 * proven:.4g} ms")
     if not experiment.law.inherits:
         print(f"the law {experiment.question.law} does not inherit the certificate")
 

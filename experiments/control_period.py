@@ -1,0 +1,107 @@
+"""How long inputs may be held: the proven control period against authority and the shell's inner level.
+
+    python experiments/control_period.py [--path circle] [--authority 1 0.7 0.5 0.35 0.25] [--beta 0.9 0.8 0.7]
+
+Inputs that stay closer to what the reference needs change the rate of V less: a smaller authority costs margin and buys
+time. A shell that begins further inside leaves room for what V rises before the law looks again. Each line is a funnel,
+learned and certified; beside the proven period stands the shortest one in which an adversary, who picks the state and
+any input that a law may take, left the funnel (found, not proven). The folder gets `table.csv` and `period.png`.
+"""
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+
+import matplotlib
+import matplotlib.pyplot as plt
+from rich.console import Console
+from rich.table import Table
+
+import cfjax
+from cfjax.certificate import robustness_of
+from cfjax.check.replay import check_document, check_robustness
+from cfjax.control.law import LAW_SHARE
+from cfjax.falsifier import first_escape
+from cfjax.options import Options
+from cfjax.problem import Box, Problem
+from cfjax.report.style import CAR_COLOURS, STYLE
+from cfjax.synthesis import search
+from cfjax.verdict import Verdict
+
+
+COLUMNS = ("authority", "beta_lower", "margin", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
+HORIZON = 8.0  # periods that the adversary looks ahead
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--path", default="circle", choices=("circle", "straight"))
+    parser.add_argument("--authority", type=float, nargs="+", default=[1.0, 0.7, 0.5, 0.35, 0.25])
+    parser.add_argument("--beta", type=float, nargs="+", default=[0.9, 0.8, 0.7])
+    parser.add_argument("--output", type=Path, default=Path("outputs/control_period"))
+    arguments = parser.parse_args()
+    rows = []
+    for authority in arguments.authority:
+        for beta in arguments.beta:
+            rows.append(line(arguments.path, authority, beta))
+            print(", ".join(f"{name} {value:.4g}" for name, value in rows[-1].items()), file=sys.stderr, flush=True)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    with (arguments.output / "table.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    table = Table(*COLUMNS, title=f"{arguments.path}: proven control periods")
+    for row in rows:
+        table.add_row(*(f"{row[name]:.3g}" for name in COLUMNS))
+    Console(width=120).print(table)
+    draw(rows, arguments.output / "period.png")
+    print(f"folder: {arguments.output}")
+    return 0
+
+
+def line(path: str, authority: float, beta: float) -> dict[str, float]:
+    """One funnel's figures; periods in ms, margin in 1/s, disturbances in m/s and m/s²."""
+    problem = Problem(getattr(cfjax, path)(), safe=Box((1.0, 1.0, 1.0, 3.0)), authority=authority)
+    result = search(problem, Options(beta_lower=beta, cars=0))
+    nothing = dict.fromkeys(COLUMNS, float("nan")) | {"authority": authority, "beta_lower": beta}
+    if result.verdict is not Verdict.CERTIFIED or result.margin_certified is None or result.document is None:
+        return nothing
+    hints = robustness_of(result)
+    proven = check_robustness(check_document(result.document), result.document, hints).robustness
+    if proven is None:
+        return nothing | {"margin": result.margin_certified}
+    period, funnel = float(proven.period), result.segments[0].funnel
+    decrease = LAW_SHARE * result.margin_certified
+    escape = first_escape(problem, problem.path.segments[0], funnel, decrease, HORIZON * period)
+    return {
+        "authority": authority,
+        "beta_lower": beta,
+        "margin": result.margin_certified,
+        "period_ms": 1e3 * period,
+        "escape_ms": 1e3 * escape,
+        "delay_ms": 1e3 * float(proven.delay),
+        "disturbance_x": float(proven.disturbance[1]),
+        "disturbance_v": float(proven.disturbance[3]),
+    }
+
+
+def draw(rows: list[dict[str, float]], path: Path) -> None:
+    """Proven period and the adversary's over the margin: a line for each inner level."""
+    matplotlib.use("Agg")
+    plt.rcParams.update(STYLE)
+    figure, axes = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
+    for index, beta in enumerate(sorted({row["beta_lower"] for row in rows}, reverse=True)):
+        own = sorted((row for row in rows if row["beta_lower"] == beta), key=lambda row: row["margin"])
+        margins, colour = [row["margin"] for row in own], CAR_COLOURS[index % len(CAR_COLOURS)]
+        axes.plot(margins, [row["period_ms"] for row in own], "o-", color=colour, label=f"shell from {beta:g}")
+        axes.plot(margins, [row["escape_ms"] for row in own], "x", color=colour)
+    axes.plot([], [], "x", color="0.4", label="shortest escape found")
+    axes.set(xlabel="certified margin λ, 1/s", ylabel="control period, ms", ylim=(0, None))
+    axes.legend()
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
