@@ -18,7 +18,7 @@ from cfjax.synthesis import drive, search, synthesize
 from cfjax.verdict import Verdict
 
 
-QUESTION = ["template=paper", "restarts=1", "rounds=1"]
+QUESTION = ["template=paper", "restarts=1", "rounds=1", "robustness=false"]
 PROOF = {"certificate.json", "config.yaml", "reference.csv"}
 ERRORS = {
     "memory": (MemoryError("10 TB"), "warning: the cars were not driven (MemoryError: 10 TB); the proof stands\n"),
@@ -80,6 +80,40 @@ def test_cars_that_cannot_be_driven(
     assert captured.err.endswith(line) and captured.err.count("\n") == 1
     assert captured.out.splitlines()[0] == "certified: circle, pf"
     assert captured.out.splitlines()[-1].startswith("run: ")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (
+            ValueError("no bound\nat all"),
+            0,
+            "warning: nothing is proven of what the funnel absorbs: ValueError: no bound at all",
+        ),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+    ids=["fails", "Ctrl-C"],
+)
+def test_hints_that_are_not_found(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    error: BaseException,
+    code: int,
+    line: str,
+) -> None:
+    """The certificate stands; what is absorbed is not told, and no half of its file is left."""
+    broken = Breaks(error)
+    monkeypatch.setattr(cfjax.synthesis, "robustness_of", broken)
+    assert train("+path=circle", *QUESTION, "robustness=true", "cars=10", "hydra.run.dir=here") == code
+    assert broken.seen >= {"certificate.json"} and "result.json" not in broken.seen
+    assert line in capfd.readouterr().err
+    if code == 0:
+        assert_complete(Path("here"), proven, driven=True)
+        assert json.loads((Path("here") / "result.json").read_text())["robustness"] is None
+    assert not (Path("here") / "robustness.json").exists()
 
 
 def test_more_cars_than_memory_holds(
