@@ -98,6 +98,8 @@ def check_question(problem: "Problem", options: Options) -> None:
         InputError: names the option that does not go with the path.
     """
     path = problem.path
+    if options.certificate == "tube" and not path.tube and problem.authority != 1:
+        raise InputError(f"authority: expected 1 for a path that tubes hold, got {problem.authority:g}")
     if options.certificate == "tube" and options.template != "contracting":
         raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
     if options.learner == "polytope":

@@ -67,13 +67,14 @@ class Absorbed:
 class Robustness:
     """What certified funnels absorb under a law that inherits the certificate: proven (`cfjax.check.robustness`).
 
-    `alone` has each by itself, of disturbance and pose error in one state at a time; `together` all at once, from
-    starts with V ≤ `level`, which then stay there.
+    `alone` has each by itself, of disturbance and pose error in one state at a time; `together` all at once. V stays
+    below 1, where the pose has an error from starts below a level.
     """
 
     alone: Absorbed
+    pose_level: float  # of V at the start, with an error of the pose alone
     together: Absorbed
-    level: float
+    level: float  # likewise, with all at once
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
         result = _by_segments(problem, options, progress)
     elif options.certificate == "tube":
         result = _by_tubes(problem, options, progress)
-    elif problem.obstacles or _is_short(problem.path) or not _fits_tubes(options):
+    elif problem.obstacles or problem.authority != 1 or _is_short(problem.path) or not _fits_tubes(options):
         result = _by_segments(problem, options, progress)
     else:
         result = _by_tubes(problem, options, progress)

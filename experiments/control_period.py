@@ -71,7 +71,7 @@ def line(path: str, authority: float, beta: float) -> dict[str, float]:
     proven = check_robustness(check_document(result.document), result.document, hints).robustness
     if proven is None:
         return nothing | {"margin": result.margin_certified}
-    period, funnel = float(proven.period), result.segments[0].funnel
+    period, funnel = float(proven.alone.period), result.segments[0].funnel
     decrease = LAW_SHARE * result.margin_certified
     escape = first_escape(problem, problem.path.segments[0], funnel, decrease, HORIZON * period)
     return {
@@ -80,9 +80,9 @@ def line(path: str, authority: float, beta: float) -> dict[str, float]:
         "margin": result.margin_certified,
         "period_ms": 1e3 * period,
         "escape_ms": 1e3 * escape,
-        "delay_ms": 1e3 * float(proven.delay),
-        "disturbance_x": float(proven.disturbance[1]),
-        "disturbance_v": float(proven.disturbance[3]),
+        "delay_ms": 1e3 * float(proven.alone.delay),
+        "disturbance_x": float(proven.alone.disturbance[1]),
+        "disturbance_v": float(proven.alone.disturbance[3]),
     }
 
 

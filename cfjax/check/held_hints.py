@@ -82,7 +82,7 @@ def _piece(item: Item, states: int, room: Room) -> PieceHints:
     by_cell = {}
     for entry in cells.items(len(ORDERS) * MOST_VERTICES):
         order, vertex, margin, grams = entry.record("order", "vertex", "margin", "grams")
-        key = order.integer(1, len(ORDERS)), vertex.integer(0, MOST_VERTICES)
+        key = order.integer(1, len(ORDERS)), vertex.integer(0, MOST_VERTICES - 1)
         if key in by_cell:
             entry.refuse("each cell once")
         tables = grams.items(len(rows), least=len(rows) - 1)

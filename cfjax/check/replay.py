@@ -82,15 +82,16 @@ def _absorbed(states: tuple[str, ...], proven: Robustness) -> str:
         named = zip(states, amounts, strict=True)
         return ", ".join(f"{name} {decimal_text(amount, ROUND_FLOOR)}" for name, amount in named)
 
-    joint = proven.joint
+    alone, joint = proven.alone, proven.joint
     return (
         f"A law whose inputs reach V' <= -{decimal_text(LAW_SHARE, ROUND_CEILING)} lambda in the shell may hold them "
-        f"for {decimal_text(proven.period, ROUND_FLOOR)} s; or, chosen at every moment, they absorb in one state a "
-        f"rate that is off by ({each(proven.disturbance)}) a second, or a pose that is off by "
-        f"({each(proven.pose_error)}), from starts so far inside that V seems below 1, or what is {decimal_text(proven.delay, ROUND_FLOOR)} s old. "
-        f"All at once, in every state: held for {decimal_text(joint.period, ROUND_FLOOR)} s, "
-        f"({each(joint.disturbance)}) a second, ({each(joint.pose_error)}), {decimal_text(joint.delay, ROUND_FLOOR)} s "
-        f"old, from starts in V <= {decimal_text(joint.level, ROUND_FLOOR)}."
+        f"for {decimal_text(alone.period, ROUND_FLOOR)} s; or, chosen at every moment, they absorb in one state a rate "
+        f"that is off by ({each(alone.disturbance)}) a second; or a measured one that is off by "
+        f"({each(alone.pose_error)}), from starts in V <= {decimal_text(proven.pose_level, ROUND_FLOOR)}; or, once it "
+        f"has come, what was measured {decimal_text(alone.delay, ROUND_FLOOR)} s ago, theta with it. All at once, in "
+        f"every state: held for {decimal_text(joint.period, ROUND_FLOOR)} s, ({each(joint.disturbance)}) a second, "
+        f"({each(joint.pose_error)}), {decimal_text(joint.delay, ROUND_FLOOR)} s ago, from starts in V <= "
+        f"{decimal_text(proven.joint_level, ROUND_FLOOR)}."
     )
 
 

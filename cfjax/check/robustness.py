@@ -22,6 +22,7 @@ A certificate states nothing of this: the bounds are proven from hints in a file
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING
 from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
@@ -31,19 +32,20 @@ from cfjax.check.decrease import level_bounds
 from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
 from cfjax.check.held import ORDERS, TIMING, HeldCell, HeldMotion, Terms, derivative_of, held_pieces, require_affine
-from cfjax.check.held_hints import DEGREES, HeldStretch, PieceHints
+from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfjax.check.program import CellProof, Matrix
 from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
-from cfjax.check.rational import is_positive_definite, sqrt_upper
+from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
 
 
 SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
 PERIOD, DISTURBANCE, POSE, DELAY = (fmpq(part, 10) for part in (4, 2, 2, 2))  # of λ', where all come together
-HALVINGS = 64
+HALVINGS = 16
+MOST = fmpq(10**6)
 GAMMA_STEPS = 16  # √γ is told to 2^-16
 
 
@@ -70,18 +72,29 @@ class Absorbed:
     disturbance: tuple[fmpq, ...]
     pose_error: tuple[fmpq, ...]
     delay: fmpq
-    level: fmpq  # V stays below, from every start below
+
+    def scaled(self, factor: fmpq) -> "Absorbed":
+        """All of it, so many times."""
+        return Absorbed(
+            period=factor * self.period,
+            disturbance=tuple(factor * value for value in self.disturbance),
+            pose_error=tuple(factor * value for value in self.pose_error),
+            delay=factor * self.delay,
+        )
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """What is absorbed by itself, of δ and ε one state's alone, and what is absorbed together."""
+    """What is absorbed by itself, of δ and ε one state's alone, and what is absorbed together.
 
-    period: fmpq
-    disturbance: tuple[fmpq, ...]
-    pose_error: tuple[fmpq, ...]
-    delay: fmpq
+    V stays below 1: from starts with V ≤ `pose_level` where the pose has an error, whichever state it is in, and from
+    starts with V ≤ `joint_level` with all together.
+    """
+
+    alone: Absorbed
+    pose_level: fmpq
     joint: Absorbed
+    joint_level: fmpq
     rates: tuple[Rates, ...]  # of each distinct segment
 
 
@@ -97,10 +110,12 @@ def prove_robustness(
     if not isinstance(course, Course):
         raise Broken("robustness: of funnels along a path only, not of a tube")
     effort = Budget(MOST_EFFORT)
-    entries = _entries(certificate, course)
-    kinds = zip(problem.distinct, certificate.funnels, entries, hints, strict=True)
+    # the λ and the shell that the report names, for every funnel
+    margin = min(funnel.margin for funnel in certificate.funnels)
+    shell = rational(decimal_text(max(funnel.beta_lower for funnel in certificate.funnels), ROUND_CEILING))
+    kinds = zip(problem.distinct, certificate.funnels, _entries(certificate, course), hints, strict=True)
     rates = tuple(
-        prove_rates(problem, dynamics, segment, funnel, entry, own, effort)
+        prove_rates(problem, dynamics, segment, replace(funnel, margin=margin), max(entry, shell), own, effort)
         for segment, funnel, entry, own in kinds
         if isinstance(segment, SegmentClaim)
     )
@@ -112,62 +127,52 @@ def prove_robustness(
 
 def _absorbed(rates: Sequence[Rates]) -> Robustness:
     size = range(len(rates[0].slopes))
-    zero = (fmpq(0),) * len(size)
-    nothing = Absorbed(fmpq(0), zero, zero, fmpq(0), fmpq(1))
     if any(one.decrease <= 0 for one in rates):
         raise Broken("robustness: the reference jumps by more than the margin makes up for")
-
-    def unit(i: int, value: fmpq) -> tuple[fmpq, ...]:
-        return tuple(value if k == i else fmpq(0) for k in size)
-
-    period = min(min(2 * one.decrease / one.bend, (1 - one.inner) / one.rise) for one in rates)
-    delay = min(min(one.decrease / one.staleness, (1 - one.inner) / one.rise) for one in rates)
-    disturbance = [min(one.decrease / one.gradient[i] for one in rates) for i in size]
-    errors = [min(one.decrease / one.slopes[i] for one in rates) for i in size]
-    together = Absorbed(
-        period=PERIOD * period,
-        disturbance=tuple(DISTURBANCE * value / len(size) for value in disturbance),
-        pose_error=tuple(POSE * value / len(size) for value in errors),
-        delay=DELAY * delay,
-        level=fmpq(1),
+    rising = [_quotient(1 - one.inner, one.rise) for one in rates]
+    alone = Absorbed(
+        period=min(*rising, *(_quotient(2 * one.decrease, one.bend) for one in rates)),
+        disturbance=tuple(min(_quotient(one.decrease, one.gradient[i]) for one in rates) for i in size),
+        pose_error=tuple(min(_quotient(one.decrease, one.slopes[i]) for one in rates) for i in size),
+        delay=min(*rising, *(_quotient(one.decrease, one.staleness) for one in rates)),
     )
-    return Robustness(
-        period=_largest(rates, replace(nothing, period=period)).period,
-        disturbance=tuple(
-            _largest(rates, replace(nothing, disturbance=unit(i, value))).disturbance[i]
-            for i, value in enumerate(disturbance)
+    none = (fmpq(0),) * len(size)
+    errors, levels = [], []
+    for i in size:
+        wanted = Absorbed(fmpq(0), none, (*none[:i], alone.pose_error[i], *none[i + 1 :]), fmpq(0))
+        found, level = _largest(rates, wanted)
+        errors.append(found.pose_error[i])
+        levels.append(level)
+    joint, level = _largest(
+        rates,
+        Absorbed(
+            period=PERIOD * alone.period,
+            disturbance=tuple(DISTURBANCE * value / len(size) for value in alone.disturbance),
+            pose_error=tuple(POSE * value / len(size) for value in errors),
+            delay=DELAY * alone.delay,
         ),
-        pose_error=tuple(
-            _largest(rates, replace(nothing, pose_error=unit(i, value))).pose_error[i] for i, value in enumerate(errors)
-        ),
-        delay=_largest(rates, replace(nothing, delay=delay)).delay,
-        joint=_largest(rates, together),
-        rates=tuple(rates),
     )
+    return Robustness(replace(alone, pose_error=tuple(errors)), min(levels), joint, level, tuple(rates))
 
 
-def _largest(rates: Sequence[Rates], wanted: Absorbed) -> Absorbed:
-    """The wanted amounts, or the largest part of them, by halving, for which the inequalities above hold."""
-    factor, step, best = fmpq(1), fmpq(1), None
+def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
+    """Never more than a number without meaning: what has no bound is never used up."""
+    return min(amount / bound, MOST) if bound else MOST
+
+
+def _largest(rates: Sequence[Rates], wanted: Absorbed) -> tuple[Absorbed, fmpq]:
+    """The wanted amounts, or a large part of them for which the inequalities above hold, and the level that is kept."""
+    best, level, factor, step = wanted.scaled(fmpq(0)), fmpq(1), fmpq(1), fmpq(1)
     for _ in range(HALVINGS):
-        tried = Absorbed(
-            period=factor * wanted.period,
-            disturbance=tuple(factor * value for value in wanted.disturbance),
-            pose_error=tuple(factor * value for value in wanted.pose_error),
-            delay=factor * wanted.delay,
-            level=fmpq(1),
-        )
-        levels = [kept_level(one, tried) for one in rates]
-        good = all(level is not None for level in levels)
-        if good:
-            best = replace(tried, level=min(level for level in levels if level is not None))
-            if factor == 1 or step < fmpq(1, 64):
-                return best
+        tried = wanted.scaled(factor)
+        kept = [one for one in (kept_level(one, tried) for one in rates) if one is not None]
+        if len(kept) == len(rates):
+            best, level = tried, min(kept)
+            if factor == 1:
+                break
         step /= 2
-        factor = factor + step if good else factor - step
-    if best is None:
-        raise Broken("robustness: nothing is absorbed")
-    return best
+        factor += step if len(kept) == len(rates) else -step
+    return best, level
 
 
 def kept_level(rates: Rates, amounts: Absorbed) -> fmpq | None:
@@ -218,11 +223,11 @@ def prove_rates(
     dynamics: Symbolic,
     segment: SegmentClaim,
     funnel: FunnelClaim,
-    entry: fmpq,
+    inner: fmpq,
     hints: Sequence[HeldStretch],
     effort: Budget,
 ) -> Rates:
-    """Bounds over one funnel, from hints for every stretch of it; `entry` is γ.
+    """Bounds over one funnel, from hints for every stretch of it; `inner` is the larger of β̲ and γ.
 
     Raises:
         Broken, ValueError: says what is not proven.
@@ -253,7 +258,7 @@ def prove_rates(
         widest=widest,
         staleness=_dot(slopes, speeds) + max(sizes.stir for sizes in found),
         decrease=SHARE * funnel.margin - sum(jumps, fmpq(0)),
-        inner=max(funnel.beta_lower, entry),
+        inner=inner,
     )
 
 
@@ -329,6 +334,8 @@ def _prove_stretch(
 def _prove_sizes(
     motion: HeldMotion, terms: Terms, cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Matrix, ...]]], effort: Budget
 ) -> _Sizes:
+    if len(motion.vertices) > MOST_VERTICES:
+        raise Broken(f"robustness: the parameters have more than {MOST_VERTICES} vertices")
     if cells.keys() != {(cell.order, cell.vertex) for cell in motion.cells()}:
         raise Broken(f"robustness: the bounds have to cover {len(motion.vertices)} vertices, V' and V'' at each")
     margins: dict[int, fmpq] = dict.fromkeys(ORDERS, fmpq(0))

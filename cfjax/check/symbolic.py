@@ -54,8 +54,9 @@ class Symbolic:
         """
         total = polynomial.derivative(self.names.index(name))
         for index, (function, argument) in self.functions.items():
-            inner, outer = argument.derivative(self.names.index(name)), polynomial.derivative(index)
-            if len(inner) and len(outer):
+            outer = polynomial.derivative(index)
+            inner = self.derivative(argument, name) if len(outer) else outer  # the argument may hold functions itself
+            if len(inner):
                 other, sign = DERIVATIVES.get(function, (None, 0))
                 symbol = next((k for k, value in self.functions.items() if value == (other, argument)), None)
                 if symbol is None:
@@ -70,6 +71,7 @@ class Symbolic:
         Raises:
             ValueError: the polynomial has another function in it.
         """
+        self.domain.budget.spend(16 * len(polynomial))
         total = fmpq(0)
         for exponents, coefficient in polynomial.to_dict().items():
             term = abs(fmpq(coefficient))

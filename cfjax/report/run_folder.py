@@ -33,7 +33,7 @@ from cfjax.check import Outcome, Report, check_file
 from cfjax.check.containment import half_widths
 from cfjax.check.rational import float_below
 from cfjax.check.robustness import SHARE
-from cfjax.check.robustness import Absorbed as ProvenTogether
+from cfjax.check.robustness import Absorbed as ProvenAmounts
 from cfjax.check.robustness import Robustness as Proven
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
@@ -160,7 +160,7 @@ def _write_robustness(
 def _amounts(proven: Proven) -> Robustness:
     """Rounded down."""
 
-    def absorbed(amounts: Proven | ProvenTogether) -> Absorbed:
+    def absorbed(amounts: ProvenAmounts) -> Absorbed:
         return Absorbed(
             period=float_below(amounts.period),
             disturbance=tuple(map(float_below, amounts.disturbance)),
@@ -168,7 +168,12 @@ def _amounts(proven: Proven) -> Robustness:
             delay=float_below(amounts.delay),
         )
 
-    return Robustness(absorbed(proven), absorbed(proven.joint), float_below(proven.joint.level))
+    return Robustness(
+        alone=absorbed(proven.alone),
+        pose_level=float_below(proven.pose_level),
+        together=absorbed(proven.joint),
+        level=float_below(proven.joint_level),
+    )
 
 
 def _with_margins(result: Result, report: Report) -> Result:
@@ -346,7 +351,8 @@ def _robustness_json(problem: Problem, robustness: Robustness) -> dict[str, Any]
         }
 
     together = absorbed(robustness.together) | {"level": robustness.level}
-    return {"law_share": float_below(SHARE), **absorbed(robustness.alone), "jointly": together}
+    alone = absorbed(robustness.alone) | {"pose_level": robustness.pose_level}
+    return {"law_share": float_below(SHARE), **alone, "jointly": together}
 
 
 def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
@@ -456,7 +462,7 @@ def _robustness_of(data: dict[str, Any] | None) -> Robustness | None:
             own["period"], tuple(own["disturbance"].values()), tuple(own["pose_error"].values()), own["delay"]
         )
 
-    return Robustness(absorbed(data), absorbed(data["jointly"]), data["jointly"]["level"])
+    return Robustness(absorbed(data), data["pose_level"], absorbed(data["jointly"]), data["jointly"]["level"])
 
 
 def _segment_of(data: dict[str, Any]) -> SegmentResult:

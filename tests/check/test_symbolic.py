@@ -1,0 +1,62 @@
+"""Dynamics in symbols: derivatives go through functions of functions."""
+
+import math
+
+import pytest
+from flint import fmpq
+
+from cfjax.check.graph import Graph, Node
+from cfjax.check.symbolic import Symbolic, symbolic
+
+
+def nested() -> Symbolic:
+    """ẋ = x sin(sin x + x²), with the cosines that its derivative needs."""
+    nodes = [
+        Node("input", name="x"),
+        Node("sin", (0,)),
+        Node("cos", (0,)),
+        Node("mul", (0, 0)),
+        Node("add", (1, 3)),
+        Node("sin", (4,)),
+        Node("cos", (4,)),
+        Node("mul", (0, 5)),
+        Node("sub", (6, 6)),
+        Node("sub", (2, 2)),
+        Node("add", (7, 8)),
+        Node("add", (10, 9)),
+    ]
+    return symbolic(Graph(tuple(nodes), (11,)), ("x",), ())
+
+
+def test_derivative_through_a_function_of_a_function() -> None:
+    dynamics = nested()
+    found = dynamics.derivative(dynamics.rates[0], "x")
+    for x in (-1.3, 0.2, 0.9):
+        inner = math.sin(x) + x * x
+        at = {"x": x}
+        values = [at.get(name, 0.0) for name in dynamics.names]
+        for function, argument in dynamics.functions.values():
+            value = sum(
+                float(c) * math.prod(v ** int(e) for v, e in zip(values, exponents, strict=False))
+                for exponents, c in argument.to_dict().items()
+            )
+            values.append({"sin": math.sin, "cos": math.cos}[function](value))
+        slope = sum(
+            float(c) * math.prod(v ** int(e) for v, e in zip(values, exponents, strict=True))
+            for exponents, c in found.to_dict().items()
+        )
+        assert slope == pytest.approx(math.sin(inner) + x * math.cos(inner) * (math.cos(x) + 2 * x))
+
+
+def test_size_is_at_least_the_value() -> None:
+    dynamics = nested()
+    assert dynamics.size(dynamics.rates[0], {"x": fmpq(2)}) == 2
+    slope = dynamics.derivative(dynamics.rates[0], "x")
+    assert float(dynamics.size(slope, {"x": fmpq(2)})) >= 1 + 2 * (1 + 4)
+
+
+def test_a_derivative_without_a_symbol_is_refused() -> None:
+    nodes = (Node("input", name="x"), Node("sin", (0,)), Node("sin", (1,)))
+    dynamics = symbolic(Graph(nodes, (2,)), ("x",), ())
+    with pytest.raises(ValueError, match="not its derivative"):
+        dynamics.derivative(dynamics.rates[0], "x")
