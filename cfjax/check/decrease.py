@@ -132,7 +132,7 @@ class SteadyDecrease(FunnelProgram):
     enclosures: Mapping[int, UnaryEnclosure]
     degrees: tuple[int, ...]  # of the monomials in the Gram matrices, in their order
 
-    @cached_property
+    @property
     def peak(self) -> fmpq:
         """The largest level of the funnel on the stretch."""
         return max(piece.upper for piece in self.pieces)

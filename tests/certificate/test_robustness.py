@@ -29,8 +29,10 @@ from cfjax.check.robustness import Absorbed, Rates, Robustness, kept_level, prov
 from cfjax.check.symbolic import symbolic
 from cfjax.control import LAWS
 from cfjax.control.law import LAW_SHARE, law_numbers
+from cfjax.errors import InputError
 from cfjax.falsifier import first_escape
 from cfjax.funnel import Funnel, template_named
+from cfjax.options import Options, check_question
 from cfjax.problem import Method, Path, Pose, Problem, Profile, ReferencePoint, Segment, ball, deviation_rate
 
 
@@ -334,6 +336,8 @@ def test_authority_makes_the_box_smaller_around_what_the_reference_needs() -> No
         assert small.upper == pytest.approx((full.upper + middle) / 2)
     tracking = Problem(problem.path, authority=0.5, method=Method.TT)
     assert tracking.inputs[0].lower == tracking.inputs[0].upper == 1.0
+    with pytest.raises(InputError, match="authority: expected 1 for a path that tubes hold, got 0.5"):
+        check_question(half, Options(certificate="tube"))
     for wrong in (0.0, 1.5, float("nan")):
         with pytest.raises(ValueError, match="authority: expected a number above 0 and at most 1"):
             Problem(problem.path, authority=wrong)
