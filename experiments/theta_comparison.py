@@ -82,9 +82,7 @@ def main() -> None:
     pieces = [piece for piece in exact_course(problem.path).pieces if piece.segment == 0]
     whole = bounded(pieces, fmpq(0), sum((piece.duration for piece in pieces), fmpq(0)))
     questions = decreases_on(problem, rounded, graph, whole)
-    found = [
-        solve(q.target(c), q.drop(c), q.constraints(c), q.bases) for q in questions for c in q.cells()
-    ]
+    found = [solve(q.target(c), q.drop(c), q.constraints(c), q.bases) for q in questions for c in q.cells()]
     print(f"ends of the curvature, one stretch: {report(found)}")
 
     found = []

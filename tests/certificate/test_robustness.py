@@ -336,7 +336,7 @@ def test_authority_makes_the_box_smaller_around_what_the_reference_needs() -> No
         assert small.upper == pytest.approx((full.upper + middle) / 2)
     tracking = Problem(problem.path, authority=0.5, method=Method.TT)
     assert tracking.inputs[0].lower == tracking.inputs[0].upper == 1.0
-    with pytest.raises(InputError, match="authority: expected 1 for a path that tubes hold, got 0.5"):
+    with pytest.raises(InputError, match=r"authority: expected 1 for a path that tubes hold, got 0\.5"):
         check_question(half, Options(certificate="tube"))
     for wrong in (0.0, 1.5, float("nan")):
         with pytest.raises(ValueError, match="authority: expected a number above 0 and at most 1"):

@@ -49,7 +49,12 @@ def test_every_steady_preset_ends_certified(command: Command, tmp_path: Path, pa
     assert result["seconds"].keys() >= {"learn", "certify", "total"}
     checked = check(folder)
     assert checked.returncode == 0, checked.stdout + checked.stderr
-    assert read_run(folder).verdict is Verdict.CERTIFIED
+    read = read_run(folder)
+    assert read.verdict is Verdict.CERTIFIED and read.robustness is not None
+    told = result["robustness"]
+    assert 2e-4 < told["jointly"]["period"] < told["period"] == read.robustness.alone.period
+    assert told["disturbance"].keys() == told["pose_error"].keys() == {"alpha", "x", "y", "v"}
+    assert "may hold them for 0.00" in checked.stdout and "absorbs one of: inputs held for" in run.stdout
     # the reference that is written is the one that the certificate speaks of
     document = json.loads((folder / "certificate.json").read_text())
     with (folder / "reference.csv").open() as file:
