@@ -1,5 +1,6 @@
 """The pins: exact versions and nothing that names a place."""
 
+import importlib
 import re
 import tomllib
 from pathlib import Path
@@ -41,3 +42,11 @@ def test_pins_satisfy_the_project_on_both_pythons(python: str) -> None:
 def test_a_run_needs_no_more_than_the_tests() -> None:
     run, dev = ((ROOT / name).read_text().splitlines() for name in ("requirements.txt", "requirements-dev.txt"))
     assert set(run) < set(dev)
+
+
+def test_every_command_that_is_installed_is_there() -> None:
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    assert scripts.keys() == {"cfjax-train", "cfjax-check", "cfjax-simulate", "cfjax-export"}
+    for target in scripts.values():
+        module, _, name = target.partition(":")
+        assert callable(getattr(importlib.import_module(module), name))
