@@ -6,6 +6,7 @@ funnel's law follows; only how they steer and how they time themselves is their 
 """
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -72,7 +73,7 @@ class Geometric(Controller):
 def nearest(track: Track, state: Float[Array, " n"], guess: Float[Array, ""]) -> Float[Array, ""]:
     """θ (s) near the guess at which the reference lies beside the state, y_R = 0."""
 
-    def closer(_: int, theta: Array) -> Array:
+    def closer(_: Any, theta: Array) -> Array:
         place = track.at(theta)
         x = track.deviation(place, state)
         return theta + jnp.clip(x[2] / _closing(place.point, x[1]), -LARGEST_STEP, LARGEST_STEP)
