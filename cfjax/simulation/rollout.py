@@ -190,7 +190,7 @@ def _jumps(profiles: Pieces) -> Float[np.ndarray, " j"]:
     return begin[1:][jumps]
 
 
-def _legs(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
+def table_of(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
     """The legs as arrays, with the step of each."""
     profiles = jax.tree.map(np.asarray, profiles)  # few numbers, once: nothing to compile for
     ends = np.array([0.0, *(leg.end for leg in legs)])
@@ -246,7 +246,7 @@ def drive_cars(
     """
     legs = _checked(problem, legs)
     template, profiles = _template(legs), profiles_of(problem.path)
-    table = _legs(problem, legs, profiles)
+    table = table_of(problem, legs, profiles)
     around = None
     if problem.obstacles:
         around = (poses_of(problem.path), surroundings(problem.obstacles, problem.footprint))

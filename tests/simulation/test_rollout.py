@@ -74,7 +74,7 @@ def legs_along(path: Path, shape: np.ndarray = SHAPE, rate: float = 0.05, margin
 def ways(problem: Problem, legs: list[Leg], starts: np.ndarray, finer: int = 1):
     """Final states and record of all cars that start there, in steps so many times as fine."""
     profiles = profiles_of(problem.path)
-    table = rollout._legs(problem, legs, profiles)
+    table = rollout.table_of(problem, legs, profiles)
     table = table._replace(loop=table.loop._replace(step=table.loop.step / finer))
     template = legs[0].funnel.template
     return drive(problem.vehicle, template, MinNorm(), table, profiles, None, jnp.asarray(starts), 100_000, 100, 1)
@@ -235,7 +235,7 @@ def test_work_grows_with_length() -> None:
 
     def limit(laps: int) -> float:
         path = ellipse(laps=laps)
-        table = rollout._legs(Problem(path), legs_along(path), profiles_of(path))
+        table = rollout.table_of(Problem(path), legs_along(path), profiles_of(path))
         return float(((table.loop.end - table.loop.begin) / table.loop.step).sum())
 
     assert limit(1) >= rollout.STEPS and limit(8) == pytest.approx(4 * limit(2))
