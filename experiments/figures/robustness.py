@@ -135,12 +135,12 @@ def contenders(setting: Setting) -> dict[str, Contender]:
         "pure pursuit": Contender(
             free,
             partial(PurePursuit, ahead, PERIOD),
-            grid_of(look_ahead=(0.3, 0.45, 0.6, 0.8), speed_gain=(2.0, 4.0, 8.0)),
+            grid_of(look_ahead=(0.3, 0.45, 0.6, 0.8), speed_gain=(2.0, 4.0)),
         ),
         "Stanley": Contender(
-            free, partial(Stanley, ahead, PERIOD), grid_of(gain=(1.0, 2.0, 4.0, 8.0), speed_gain=(2.0, 4.0, 8.0))
+            free, partial(Stanley, ahead, PERIOD), grid_of(gain=(1.0, 2.0, 4.0, 8.0), speed_gain=(2.0, 4.0))
         ),
-        "MPC": Contender(free, planned, grid_of(effort=(0.03, 0.1, 0.3))),
+        "MPC": Contender(free, planned, grid_of(effort=(0.03, 0.1, 0.3, 1.0))),
     }
 
 

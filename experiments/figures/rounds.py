@@ -29,7 +29,7 @@ PLANT, NOISE = "single_track", "mocap,delay=0.02"
 def make(setting: Setting) -> Drawn:
     rows: list[Row] = []
     with rc_context(STYLE):
-        figure = Figure(figsize=(9.2, 3.05), layout="constrained")
+        figure = Figure(figsize=(9.2, 3.35), layout="constrained")
         planes = iter(figure.subplots(1, 4, sharex=True, sharey=True))
         for law, title in LAWS.items():
             for method in ("pf", "tt"):
