@@ -284,10 +284,11 @@ def motions(
 ) -> list[tuple[HeldMotion, Terms]]:
     """What has to be bounded on a stretch of θ, whose parts are given: for each range of levels, without hints yet."""
     box, slopes = reference_box(parts)
-    states, read = problem.vehicle.states, set(problem.vehicle.graph.inputs())
+    states = problem.vehicle.states
     parameters = {f"input:{name}": limits for name, limits in problem.inputs.items()}
-    parameters |= {name: limits for name, limits in box.items() if name in read}
-    slopes = {name: bound for name, bound in slopes.items() if name in read}
+    for name, (lower, upper) in box.items():  # what the dynamics do not depend on may have any value
+        parameters[name] = (lower, upper if dynamics.depends_on(name) else lower)
+    slopes = {name: bound for name, bound in slopes.items() if dynamics.depends_on(name)}
     require_affine(dynamics, parameters)
     found = []
     for piece in held_pieces(funnel.template, funnel.rate, span):

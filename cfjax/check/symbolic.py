@@ -46,6 +46,12 @@ class Symbolic:
                 return self.domain.ring.gens()[index]
         raise Broken(f"vehicle: the dynamics in the file apply no {function} to {argument}")
 
+    def depends_on(self, name: str) -> bool:
+        """Whether a state, input or reference stands in the rates, or in a function's argument."""
+        index = self.names.index(name)
+        looked_at = (*self.rates, *(argument for _, argument in self.functions.values()))
+        return any(int(exponents[index]) for polynomial in looked_at for exponents in polynomial.to_dict())
+
     def derivative(self, polynomial: fmpq_mpoly, name: str) -> fmpq_mpoly:
         """∂/∂(a state, input or reference), through the functions sin and cos.
 
