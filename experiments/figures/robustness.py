@@ -284,6 +284,7 @@ def make(setting: Setting) -> Drawn:
                 axes.plot(at, [100 * row["success"] for row in own], **style, label=LABELS.get(name, name))
             axes.set(xlabel=label, ylim=(-3, 103))
             axes.margins(x=0.02)
+            axes.locator_params(axis="x", nbins=5)
         panels[0].set_ylabel("cars that succeed (%)")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8)
     return Drawn(figure, rows, claims_of(rows))
