@@ -20,13 +20,16 @@ def test_it_writes_summary_cars_picture_and_animation(
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
     monkeypatch.setattr(experiment, "read_run", lambda folder: run)
     monkeypatch.setattr("cfjax.report.animation.FRAMES", 3)
-    arguments = ["--n", "4", "--period", "0.1", "--noise", "mocap", "--animate", "--out", str(tmp_path / "out")]
+    # as many cars, and the class of plant, as in tests/simulation/test_sampled.py: compiled once for both
+    plant = ["--plant", "disturbed:x=0.001", "--n", "16"]
+    arguments = [*plant, "--period", "0.1", "--noise", "mocap", "--animate", "--out", str(tmp_path / "out")]
     assert command.main([str(tmp_path), *arguments]) == 0
     out = tmp_path / "out"
     assert capsys.readouterr().out.splitlines()[-1] == f"simulation: {out}"
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["cars"] == 4 and summary["question"]["noise"] == "mocap" and summary["period"] == 0.1
-    assert len((out / "cars.csv").read_text().splitlines()) == 5
+    assert summary["cars"] == 16 and summary["question"]["noise"] == "mocap" and summary["period"] == 0.1
+    assert summary["question"]["plant"] == "disturbed:x=0.001"
+    assert len((out / "cars.csv").read_text().splitlines()) == 17
     with Image.open(out / "simulation.gif") as film, Image.open(out / "simulation.png") as picture:
         assert getattr(film, "n_frames", 1) > 1 and picture.width > 500
 

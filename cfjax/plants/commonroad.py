@@ -17,7 +17,7 @@ from cfjax.plants.plant import bicycle
 from cfjax.problem import Vehicle
 
 
-STEP = 2e-3  # s: wheels and tyre deflection are stiff; a test compares with finer steps
+STEP = 2e-3  # s: wheels and tyre deflection are stiff
 
 
 class CommonRoad(HostPlant):

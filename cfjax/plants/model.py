@@ -6,7 +6,7 @@ from typing import Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from cfjax.errors import InputError
 from cfjax.plants.plant import Plant, Scene, number
@@ -63,6 +63,13 @@ class Model(Plant):
         return z
 
 
+def _kind_number(kind: Kind) -> Array:
+    """Its place among KINDS: an array, so that one program drives all of them."""
+    if kind not in KINDS:
+        raise InputError(f"plant: expected a disturbance of kind {', '.join(KINDS)}, got {kind}")
+    return jnp.asarray(KINDS.index(kind))
+
+
 class Disturbed(Plant):
     """The vehicle with something added to the rates of its deviation (α_R, x_R, y_R, ξ_R…), |d_i| ≤ bound_i.
 
@@ -73,12 +80,10 @@ class Disturbed(Plant):
 
     vehicle: Vehicle = eqx.field(static=True)
     bound: Float[Array, " n"] = eqx.field(converter=number)  # rad/s, m/s, m/s, unit of ξ per second
-    kind: Kind = eqx.field(static=True)
+    kind: Int[Array, ""] = eqx.field(converter=_kind_number)  # of KINDS
     hold: Float[Array, ""] = eqx.field(converter=number, default=0.1)  # s
 
     def __check_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise InputError(f"plant: expected a disturbance of kind {', '.join(KINDS)}, got {self.kind}")
         if self.bound.shape != (len(self.vehicle.state_names),):
             raise InputError(f"plant: expected a bound for each of {', '.join(self.vehicle.state_names)}")
 
@@ -90,20 +95,18 @@ class Disturbed(Plant):
         return state
 
     def draw(self, key: PRNGKeyArray, time: Float[Array, ""]) -> Float[Array, " d"]:
-        if self.kind == "constant":
-            return self.bound
-        if self.kind == "adversarial":
-            return jnp.abs(self.bound)
         # the same all along a stretch of `hold` seconds; periods lie within rounding of its ends
         stretch = jnp.floor(time / self.hold + 1e-6).astype(int)
-        return self.bound * jax.random.uniform(
+        chance = self.bound * jax.random.uniform(
             jax.random.fold_in(key, stretch), self.bound.shape, minval=-1.0, maxval=1.0
         )
+        steady = jnp.where(self.kind == KINDS.index("constant"), self.bound, jnp.abs(self.bound))
+        return jnp.where(self.kind == KINDS.index("random"), chance, steady)
 
     def rate(
         self, z: Float[Array, " z"], command: Float[Array, " m"], draw: Float[Array, " d"], scene: Scene
     ) -> Float[Array, " z"]:
-        d = draw * jnp.sign(scene.gradient) if self.kind == "adversarial" else draw
+        d = jnp.where(self.kind == KINDS.index("adversarial"), draw * jnp.sign(scene.gradient), draw)
         # from the reference's frame, in which deviations are measured, to the plane
         c, s = jnp.cos(scene.heading), jnp.sin(scene.heading)
         added = d.at[1].set(c * d[1] - s * d[2]).at[2].set(s * d[1] + c * d[2])

@@ -337,15 +337,15 @@ def _chosen(which: Array, one: Any, other: Any) -> Any:
 
 
 def _recorded(world: World, car: Car, held: Held) -> Record:
-    x, value = _deviation(world, car)
+    x, value = _deviation(world.track, car.theta, car.state)
     return Record(car.clock, car.theta, car.state, held.measured, x, value, held.command)
 
 
-def _deviation(world: World, car: Car) -> tuple[Array, Array]:
+def _deviation(track: Track, theta: Array, state: Array) -> tuple[Array, Array]:
     """The deviation, and V."""
-    place = world.track.at(car.theta)
-    x = world.track.deviation(place, car.state)
-    return x, world.track.value(place, x)
+    place = track.at(theta)
+    x = track.deviation(place, state)
+    return x, track.value(place, x)
 
 
 # --- differential equations
@@ -483,8 +483,8 @@ def _finish_all(world: World, cars: Car) -> Car:
 
 
 @eqx.filter_jit
-def _final(world: World, cars: Car) -> tuple[Array, Array]:
-    return jax.vmap(partial(_deviation, world))(cars)
+def _final(track: Track, theta: Array, states: Array) -> tuple[Array, Array]:
+    return jax.vmap(partial(_deviation, track))(theta, states)
 
 
 def _step_others(
@@ -527,7 +527,7 @@ def _summary(
     shown: Int[np.ndarray, " r"],
 ) -> SampledLoop:
     end, theta = np.asarray(cars.clock), np.asarray(cars.theta)
-    deviation, value = map(np.asarray, _final(world, cars))
+    deviation, value = map(np.asarray, _final(world.track, cars.theta, cars.state))
     finite = np.asarray(cars.finite)
     left = np.asarray(cars.left_safe_at)
     ended = world.stops & (left > 0) & np.isfinite(left)

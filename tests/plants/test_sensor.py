@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cfjax.errors import InputError
-from cfjax.plants import Sensor, plant_named, sensor_named
+from cfjax.plants import Measurement, Sensor, plant_named, sensor_named
+from cfjax.plants.sensor import Memory
 from cfjax.problem import KinematicBicycle
 
 
@@ -18,8 +19,12 @@ TRUTH = np.stack([np.sin(TIMES), 2.0 * TIMES, -TIMES, 1.0 + 0 * TIMES], axis=1) 
 
 def told(sensor: Sensor, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Measurements and their stamps along the way of TRUTH."""
-    key = jax.random.key(seed)
+    seen = measured(sensor, jax.random.key(seed), sensor.start(jnp.array(TRUTH[0]), sensor.remembered(PERIOD)))
+    return np.asarray(seen.state), np.asarray(seen.stamp)
 
+
+@jax.jit
+def measured(sensor: Sensor, key: jax.Array, memory: Memory) -> Measurement:
     def one(memory, now):
         number, truth = now
         seen, memory = sensor.measure(
@@ -27,9 +32,7 @@ def told(sensor: Sensor, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         )
         return memory, seen
 
-    memory = sensor.start(jnp.array(TRUTH[0]), sensor.remembered(PERIOD))
-    _, seen = jax.lax.scan(one, memory, (jnp.arange(STEPS), jnp.array(TRUTH)))
-    return np.asarray(seen.state), np.asarray(seen.stamp)
+    return jax.lax.scan(one, memory, (jnp.arange(STEPS), jnp.array(TRUTH)))[1]
 
 
 def test_without_noise_it_is_the_truth() -> None:

@@ -3,6 +3,7 @@
 import itertools
 from functools import lru_cache
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +13,7 @@ from cfjax.control import locate
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.plants import Disturbed, Model, Scene, SlipX, sensor_named
-from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight
+from cfjax.problem import Box, Problem, ball, circle, straight
 from cfjax.simulation.controller import Controller, Follower
 from cfjax.simulation.rollout import drive_cars
 from cfjax.simulation.sampled import SampledLoop, drive_sampled
@@ -20,7 +21,8 @@ from cfjax.simulation.starts import in_world, least_rates, random_starts, read_s
 from cfjax.simulation.track import Track, track_of
 
 
-PERIOD, CARS = 0.01, 16  # one number of cars nearly everywhere: compiled once
+# one number of cars, one class of plant, 16 samples remembered: compiled once for nearly all, test_simulate too
+PERIOD, CARS = 0.01, 16
 SAFE = Box((1.0, 1.0, 1.0, 3.0))
 # of a learned funnel
 SHAPE = np.array(
@@ -42,10 +44,17 @@ def lap(safe: Box | None = None) -> tuple[Problem, list[Leg], Track]:
     return problem, legs, track_of(problem, legs)
 
 
+@lru_cache
+def begins() -> np.ndarray:
+    """Random states of I: the same ones wherever nobody asks for others."""
+    problem, _, track = lap()
+    return random_starts(problem, track, CARS)
+
+
 def drive(plant=None, starts=None, *, period: float = PERIOD, noise: str = "none", safe=None, **options) -> SampledLoop:
     problem, legs, track = lap(safe)
-    starts = random_starts(problem, track, CARS) if starts is None else starts
-    plant = Model(problem.vehicle) if plant is None else plant
+    starts = begins() if starts is None else starts
+    plant = Disturbed(problem.vehicle, np.zeros(4), "constant") if plant is None else plant
     options = {
         "period": period,
         "sensor": sensor_named(noise, problem.vehicle),
@@ -77,9 +86,12 @@ def test_theta_runs_with_the_law_and_arrives_exactly() -> None:
     assert (np.abs(loop.time / PERIOD - np.round(loop.time / PERIOD)) > 1e-3).any()
 
 
+def disturbed(bound, kind, **options) -> SampledLoop:
+    return drive(Disturbed(lap()[0].vehicle, bound, kind), **options)
+
+
 def test_the_adversary_raises_v_more_than_chance() -> None:
-    vehicle, bound = lap()[0].vehicle, np.full(4, 0.1)
-    chance, hostile = (drive(Disturbed(vehicle, bound, kind)).samples.value for kind in ("random", "adversarial"))
+    chance, hostile = (disturbed(np.full(4, 0.1), kind).samples.value for kind in ("random", "adversarial"))
     half = min(len(chance), len(hostile)) // 2
     assert (hostile[half] > 1.2 * chance[half]).all()
 
@@ -123,7 +135,7 @@ def test_random_disturbance_holds_as_long_as_it_says() -> None:
 
 
 def test_delay_makes_it_worse_and_seeds_repeat() -> None:
-    prompt, late = drive(), drive(noise="delay=0.6")
+    prompt, late = drive(period=0.04), drive(period=0.04, noise="delay=0.55")  # as many periods to remember as others
     half = len(prompt.samples.value) // 2
     assert late.samples.value[half].mean() > 2 * prompt.samples.value[half].mean()
     noisy = [drive(noise="mocap,delay=0.1,jitter=0.01", seed=seed).time for seed in (3, 3, 4)]
@@ -140,9 +152,7 @@ def test_the_samples_show_what_was_measured() -> None:
 
 def test_leaving_s_ends_a_drive_where_it_happens() -> None:
     """Adaptive steps; without an end to the drive a car is seen outside a little later, within a period."""
-    problem, _, _ = lap()
-    push = Disturbed(problem.vehicle, np.array([0.0, 3.0, 0.0, 0.0]), "constant")
-    loop = drive(push, safe=SAFE, tolerance=1e-9)
+    loop = disturbed(np.array([0.0, 3.0, 0.0, 0.0]), "constant", safe=SAFE, tolerance=1e-9)
     assert loop.left_safe.all() and not loop.arrived.any()
     np.testing.assert_allclose(loop.time, loop.left_safe_at)
     assert (np.abs(loop.time / PERIOD - np.round(loop.time / PERIOD)) > 1e-3).any()
@@ -151,17 +161,16 @@ def test_leaving_s_ends_a_drive_where_it_happens() -> None:
 
 
 def test_a_start_outside_s_is_told_and_driven_on() -> None:
-    problem, _, track = lap()
+    _, _, track = lap()
     deviations = np.zeros((CARS, 4))
     deviations[:, 1] = np.where(np.arange(CARS) == 0, 1.1, 0.1)
-    calm = Disturbed(problem.vehicle, np.zeros(4), "constant")
-    loop = drive(calm, in_world(track, jnp.array(deviations)), safe=SAFE, tolerance=1e-9)
+    loop = drive(starts=in_world(track, jnp.array(deviations)), safe=SAFE, tolerance=1e-9)
     np.testing.assert_array_equal(loop.left_safe, np.arange(CARS) == 0)
     assert loop.left_safe_at[0] == 0 and loop.arrived.all()
 
 
 def test_a_plant_that_breaks_ends_the_drive_and_nothing_else() -> None:
-    loop = drive(Disturbed(lap()[0].vehicle, np.full(4, np.nan), "random"))
+    loop = disturbed(np.full(4, np.nan), "random")
     assert loop.failed.all() and not loop.arrived.any() and not loop.success.any()
     assert np.isfinite(loop.largest_value).all() and (loop.time == 0).all()
 
@@ -171,8 +180,17 @@ def test_laps_go_on_and_cars_before_the_line_have_to_cross_it() -> None:
     duration = float(track.duration)
     start = in_world(track, jnp.zeros((CARS, 4)))
     two = track_of(problem, legs, 2)
+    calm = Disturbed(problem.vehicle, np.zeros(4), "constant")
     loop = drive_sampled(
-        problem, legs, Follower(two, PERIOD), Model(problem.vehicle), start, period=PERIOD, laps=2, theta=np.zeros(CARS)
+        problem,
+        legs,
+        Follower(two, PERIOD),
+        calm,
+        start,
+        period=PERIOD,
+        laps=2,
+        theta=np.zeros(CARS),
+        sensor=sensor_named("none", problem.vehicle),
     )
     assert loop.arrived.all()
     np.testing.assert_allclose(loop.time, 2 * duration, rtol=1e-3)
@@ -184,10 +202,9 @@ def test_laps_go_on_and_cars_before_the_line_have_to_cross_it() -> None:
 
 
 def test_theta_starts_where_v_is_smallest() -> None:
-    problem, legs, track = lap()
-    starts = random_starts(problem, track, CARS)
-    loop = drive(starts=starts, theta=None)
-    found = locate(problem, legs, starts)
+    problem, legs, _ = lap()
+    loop = drive(theta=None)
+    found = locate(problem, legs, begins())
     np.testing.assert_allclose(loop.start_value, found.value, rtol=1e-9)
 
 
@@ -209,59 +226,61 @@ class Still(Controller):
 
 def test_any_controller_drives_and_its_saturation_is_counted() -> None:
     problem, legs, track = lap()
-    start = in_world(track, jnp.zeros((2, 4)))
+    start = in_world(track, jnp.zeros((CARS, 4)))
     turn = float(np.arctan(problem.vehicle.wheelbase / 1.5))  # the circle's own steering angle
-    options = {"period": PERIOD, "theta": np.zeros(2)}
+    options = {"period": PERIOD, "theta": np.zeros(CARS)}
     fair = Still(jnp.array([turn, 0.0]), jnp.asarray(PERIOD))
     loop = drive_sampled(problem, legs, fair, Model(problem.vehicle), start, **options)
     assert loop.success.all() and loop.largest_lateral.max() < 1e-6
     np.testing.assert_array_equal(loop.saturation, 0.0)
     full = Still(jnp.array([2.0, 0.0]), jnp.asarray(PERIOD))
     loop = drive_sampled(problem, legs, full, Model(problem.vehicle), start, **options)
-    np.testing.assert_allclose(loop.saturation, [[1.0, 0.0]] * 2)
+    np.testing.assert_allclose(loop.saturation, [[1.0, 0.0]] * CARS)
     np.testing.assert_allclose(loop.samples.command[..., 0], np.pi / 4)
 
 
 def test_numbers_of_plant_sensor_and_controller_compile_nothing(caplog: pytest.LogCaptureFixture) -> None:
-    vehicle = lap()[0].vehicle
-    drive(Disturbed(vehicle, np.full(4, 0.01), "random"), noise="delay=0.02,heading=0.01")
+    disturbed(np.full(4, 0.01), "random", noise="delay=0.02,heading=0.01")
     with jax.log_compiles(), caplog.at_level("WARNING"):
-        drive(Disturbed(vehicle, np.full(4, 0.02), "random"), noise="delay=0.015,heading=0.02")
+        disturbed(np.full(4, 0.02), "adversarial", noise="delay=0.015,heading=0.02")
     assert not [record for record in caplog.records if "_chunk" in record.getMessage()]
 
 
 def test_the_worst_starts_lie_on_the_inlet_and_are_worse_than_chance() -> None:
     _, _, track = lap()
-    place = track.at(jnp.zeros(()))
-
-    worst = jax.vmap(lambda state: track.deviation(place, state))(jnp.array(worst_starts(track, 20)))
-    np.testing.assert_allclose(jax.vmap(lambda x: track.value(place, x))(worst), 1.0, atol=1e-9)
+    worst = worst_starts(track, 20)
     direction = jax.random.normal(jax.random.key(5), (2000, 4))
-    chance = direction / jnp.sqrt(jnp.einsum("ki,ij,kj->k", direction, place.numbers.shape, direction))[:, None]
-    worst_rate, chance_rate = np.asarray(least_rates(track, worst)), np.asarray(least_rates(track, chance))
+
+    @eqx.filter_jit
+    def looked_at(track: Track, states: jax.Array, direction: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """V of the states, and the least rates at them, then at deviations with V = 1 in these directions."""
+        place = track.at(jnp.zeros(()))
+        x = jax.vmap(lambda state: track.deviation(place, state))(states)
+        chance = direction / jnp.sqrt(jax.vmap(lambda x: track.value(place, x))(direction))[:, None]
+        return jax.vmap(lambda x: track.value(place, x))(x), least_rates(track, jnp.concatenate([x, chance]))
+
+    value, rates = map(np.asarray, looked_at(track, jnp.array(worst), direction))
+    np.testing.assert_allclose(value, 1.0, atol=1e-9)
+    worst_rate, chance_rate = rates[:20], rates[20:]
     assert worst_rate.max() > chance_rate.max()
     assert worst_rate.min() > np.quantile(chance_rate, 0.99)
 
 
 def test_others_plants_are_stepped() -> None:
     pytest.importorskip("slipx")
-    vehicle = KinematicBicycle(wheelbase=0.32)
-    problem = Problem(straight(), inlet=ball(0.2), vehicle=vehicle)
-    legs = [Leg(2.0, Funnel(template_named("contracting"), SHAPE, 0.05, 2.0), 1.0)]
-    track = track_of(problem, legs)
-    starts = random_starts(problem, track, 3)
-    controller = Follower(track, 0.02)
-    loop = drive_sampled(problem, legs, controller, SlipX(vehicle), starts, period=0.02, looks=2)
+    vehicle, track = lap()[0].vehicle, lap()[2]  # of nearly its size
+    options = {"period": 0.02, "looks": 2}
+    loop = drive(SlipX(vehicle), **options)
     assert loop.arrived.all() and not loop.failed.any()
-    np.testing.assert_allclose(loop.time, 2.0, rtol=0.25)
+    np.testing.assert_allclose(loop.time, float(track.end), rtol=0.25)
 
     class Broken(SlipX):
         def hold(self, own, command, duration):
-            if own.pos.x > 0:
+            if own.pos.x < 1.0:
                 raise RuntimeError("the simulator gave up")
             return super().hold(own, command, duration)
 
-    loop = drive_sampled(problem, legs, controller, Broken(vehicle), starts, period=0.02, looks=2)
+    loop = drive(Broken(vehicle), **options)
     assert loop.failed.all() and np.isfinite(loop.largest_value).all()
 
 
@@ -275,10 +294,9 @@ def test_others_plants_are_stepped() -> None:
 )
 def test_bad_questions_are_refused(options: dict, message: str) -> None:
     problem, legs, track = lap()
-    start = in_world(track, jnp.zeros((1, 4)))
     given = {"period": PERIOD} | options
     with pytest.raises(InputError, match=message):
-        drive_sampled(problem, legs, Follower(track, PERIOD), Model(problem.vehicle), start, **given)
+        drive_sampled(problem, legs, Follower(track, PERIOD), Model(problem.vehicle), begins(), **given)
     with pytest.raises(InputError, match="laps"):
         track_of(Problem(straight()), legs, 2)
 
