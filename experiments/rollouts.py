@@ -39,7 +39,7 @@ class Line:
     template: str
     method: str
     cars: int
-    largest_v: str  # to nine digits: what is below 1 has to be seen below it
+    largest_value: str  # to nine digits: what is below 1 has to be seen below it
     left_funnel: int
     left_s: int
     missed_g: int
@@ -122,7 +122,7 @@ def main() -> int:
         line = Line(
             *case,
             cars=loop.cars,
-            largest_v=f"{loop.largest_value:.9f}",
+            largest_value=f"{loop.largest_value:.9f}",
             left_funnel=loop.left_funnel,
             left_s=loop.left_safe,
             missed_g=loop.missed_goal,
