@@ -13,7 +13,7 @@ from cfjax.control import locate
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.plants import Disturbed, Model, Scene, SlipX, sensor_named
-from cfjax.problem import Box, Problem, ball, circle, straight
+from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight
 from cfjax.simulation.controller import Controller, Follower
 from cfjax.simulation.rollout import drive_cars
 from cfjax.simulation.sampled import SampledLoop, drive_sampled
@@ -51,7 +51,9 @@ def begins() -> np.ndarray:
     return random_starts(problem, track, CARS)
 
 
-def drive(plant=None, starts=None, *, period: float = PERIOD, noise: str = "none", safe=None, **options) -> SampledLoop:
+def drive(
+    plant=None, starts=None, *, period: float = PERIOD, noise: str = "none", safe=None, controller=None, **options
+) -> SampledLoop:
     problem, legs, track = lap(safe)
     starts = begins() if starts is None else starts
     plant = Disturbed(problem.vehicle, np.zeros(4), "constant") if plant is None else plant
@@ -60,7 +62,8 @@ def drive(plant=None, starts=None, *, period: float = PERIOD, noise: str = "none
         "sensor": sensor_named(noise, problem.vehicle),
         "theta": np.zeros(len(starts)),
     } | options
-    return drive_sampled(problem, legs, Follower(track, period), plant, starts, **options)
+    controller = Follower(track, period) if controller is None else controller
+    return drive_sampled(problem, legs, controller, plant, starts, **options)
 
 
 def test_short_periods_are_the_continuous_loop() -> None:
@@ -150,9 +153,36 @@ def test_the_samples_show_what_was_measured() -> None:
     np.testing.assert_allclose(samples.measured[:back], np.broadcast_to(samples.state[:1], samples.state[:back].shape))
 
 
+class Still(Controller):
+    """Holds one command and believes that it goes as planned: what any other controller looks like."""
+
+    command: jax.Array
+    period: jax.Array
+
+    def start(self, state, theta):
+        return theta
+
+    def act(self, measurement, memory, time):
+        return self.command, memory + self.period
+
+    def theta(self, memory):
+        return memory
+
+
+def steered(angle: float, starts=None) -> SampledLoop:
+    """The model at a steering angle (rad) that is held, beside S, in adaptive steps."""
+    problem, _, track = lap()
+    starts = in_world(track, jnp.zeros((CARS, 4))) if starts is None else starts
+    controller = Still(jnp.array([angle, 0.0]), jnp.asarray(PERIOD))
+    return drive(Model(problem.vehicle), starts, safe=SAFE, tolerance=1e-9, controller=controller)
+
+
+OWN = float(np.arctan(KinematicBicycle().wheelbase / 1.5))  # the circle's steering angle, rad
+
+
 def test_leaving_s_ends_a_drive_where_it_happens() -> None:
     """Adaptive steps; without an end to the drive a car is seen outside a little later, within a period."""
-    loop = disturbed(np.array([0.0, 3.0, 0.0, 0.0]), "constant", safe=SAFE, tolerance=1e-9)
+    loop = steered(2.0, begins())
     assert loop.left_safe.all() and not loop.arrived.any()
     np.testing.assert_allclose(loop.time, loop.left_safe_at)
     assert (np.abs(loop.time / PERIOD - np.round(loop.time / PERIOD)) > 1e-3).any()
@@ -164,7 +194,7 @@ def test_a_start_outside_s_is_told_and_driven_on() -> None:
     _, _, track = lap()
     deviations = np.zeros((CARS, 4))
     deviations[:, 1] = np.where(np.arange(CARS) == 0, 1.1, 0.1)
-    loop = drive(starts=in_world(track, jnp.array(deviations)), safe=SAFE, tolerance=1e-9)
+    loop = steered(OWN, in_world(track, jnp.array(deviations)))
     np.testing.assert_array_equal(loop.left_safe, np.arange(CARS) == 0)
     assert loop.left_safe_at[0] == 0 and loop.arrived.all()
 
@@ -208,33 +238,11 @@ def test_theta_starts_where_v_is_smallest() -> None:
     np.testing.assert_allclose(loop.start_value, found.value, rtol=1e-9)
 
 
-class Still(Controller):
-    """Holds one command and believes that it goes as planned: what any other controller looks like."""
-
-    command: jax.Array
-    period: jax.Array
-
-    def start(self, state, theta):
-        return theta
-
-    def act(self, measurement, memory, time):
-        return self.command, memory + self.period
-
-    def theta(self, memory):
-        return memory
-
-
 def test_any_controller_drives_and_its_saturation_is_counted() -> None:
-    problem, legs, track = lap()
-    start = in_world(track, jnp.zeros((CARS, 4)))
-    turn = float(np.arctan(problem.vehicle.wheelbase / 1.5))  # the circle's own steering angle
-    options = {"period": PERIOD, "theta": np.zeros(CARS)}
-    fair = Still(jnp.array([turn, 0.0]), jnp.asarray(PERIOD))
-    loop = drive_sampled(problem, legs, fair, Model(problem.vehicle), start, **options)
+    loop = steered(OWN)
     assert loop.success.all() and loop.largest_lateral.max() < 1e-6
     np.testing.assert_array_equal(loop.saturation, 0.0)
-    full = Still(jnp.array([2.0, 0.0]), jnp.asarray(PERIOD))
-    loop = drive_sampled(problem, legs, full, Model(problem.vehicle), start, **options)
+    loop = steered(2.0)
     np.testing.assert_allclose(loop.saturation, [[1.0, 0.0]] * CARS)
     np.testing.assert_allclose(loop.samples.command[..., 0], np.pi / 4)
 
