@@ -22,7 +22,7 @@ A certificate states nothing of this: the bounds are proven from hints in a file
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from decimal import ROUND_CEILING
+from decimal import ROUND_CEILING, ROUND_FLOOR
 from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
@@ -110,8 +110,8 @@ def prove_robustness(
     if not isinstance(course, Course):
         raise Broken("robustness: of funnels along a path only, not of a tube")
     effort = Budget(MOST_EFFORT)
-    # the λ and the shell that the report names, for every funnel
-    margin = min(funnel.margin for funnel in certificate.funnels)
+    # the λ and the shell that the report names, as it prints them, for every funnel
+    margin = rational(decimal_text(min(funnel.margin for funnel in certificate.funnels), ROUND_FLOOR))
     shell = rational(decimal_text(max(funnel.beta_lower for funnel in certificate.funnels), ROUND_CEILING))
     kinds = zip(problem.distinct, certificate.funnels, _entries(certificate, course), hints, strict=True)
     rates = tuple(

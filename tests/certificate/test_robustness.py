@@ -2,9 +2,11 @@
 
 import copy
 import math
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from fractions import Fraction
 from itertools import product
 from typing import Any
 
@@ -288,7 +290,11 @@ def spoiled(hints: dict, change: Callable[[dict], None]) -> dict:
 def test_files_that_show_less_or_nothing(absorbed: Any) -> None:
     *_, proven, document, hints = absorbed
     report = check_document(document)
-    assert "may hold them for" in check_robustness(report, document, hints).message
+    message = check_robustness(report, document, hints).message
+    assert "may hold them for" in message
+    printed = fmpq(*Fraction(re.findall(r"lambda = ([0-9.]+) 1/s", message)[0]).as_integer_ratio())
+    (rates,) = proven.rates
+    assert rates.decrease == (fmpq(19, 20) - fmpq(1, 2**20)) * printed  # what is asked is what is printed
 
     def answer(change: Callable[[dict], None]) -> tuple[Outcome, str]:
         found = check_robustness(report, document, spoiled(hints, change))
