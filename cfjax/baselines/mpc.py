@@ -24,7 +24,7 @@ from cfjax.demonstrator.box import COMPILER
 from cfjax.demonstrator.ddp import rollout
 from cfjax.demonstrator.demonstrator import TOLERANCE, Horizon, horizon_of
 from cfjax.demonstrator.pool import FIRST_DAMPING, Lanes, improved
-from cfjax.demonstrator.task import Task, Weights, reference_of, weights_of
+from cfjax.demonstrator.task import Task, Weights, task_of, weights_of
 from cfjax.plants import Measurement
 from cfjax.plants.plant import number
 from cfjax.problem import Problem, Vehicle, feedforward
@@ -86,15 +86,7 @@ def mpc(
     """The tracker of a problem for a control period (s); the demonstrator's horizon and weights where not given."""
     horizon = horizon_of(problem) if horizon is None else horizon
     weights = weights_of(problem) if weights is None else weights
-    reference, end = reference_of(problem)
-    task = Task(
-        reference,
-        jnp.asarray(end, float),
-        jnp.array([interval.lower for interval in problem.inputs]),
-        jnp.array([interval.upper for interval in problem.inputs]),
-        Weights(*(jnp.asarray(matrix, float) for matrix in weights)),
-        jnp.asarray(horizon.step, float),
-    )
+    task = task_of(problem, weights, horizon.step)
     return Mpc(track, task, period, horizon.steps, iterations)
 
 

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 
 from cfjax.demonstrator.ddp import rollout
 from cfjax.demonstrator.pool import Solved, solve_all
-from cfjax.demonstrator.task import Task, Weights, piece_of, reference_of, resting, weights_of
+from cfjax.demonstrator.task import Task, Weights, piece_of, resting, task_of, weights_of
 from cfjax.errors import InputError
 from cfjax.problem import Problem, Vehicle
 
@@ -129,15 +129,7 @@ def demonstrate(
         ("terminal", weights.terminal, n),
     ):
         _weight(f"weights.{name}", matrix, size)
-    reference, end = reference_of(problem)
-    task = Task(
-        reference,
-        jnp.asarray(end, float),
-        jnp.array([interval.lower for interval in problem.inputs]),
-        jnp.array([interval.upper for interval in problem.inputs]),
-        Weights(*(jnp.asarray(matrix, float) for matrix in weights)),
-        jnp.asarray(horizon.step, float),
-    )
+    task = task_of(problem, weights, horizon.step)
     z = np.concatenate([start, along[:, None]], axis=1) if task.moves else start
     begin, guesses = _prepared(problem.vehicle, task, jnp.asarray(z), guess, horizon.steps)
     solved = solve_all(problem.vehicle, task, begin, guesses, tolerance, most_iterations)

@@ -88,6 +88,19 @@ def reference_of(problem: Problem) -> tuple[ReferencePoint | Pieces, float]:
     return profiles_of(problem.path), duration
 
 
+def task_of(problem: Problem, weights: Weights, step: float) -> Task:
+    """The optimal-control problem of a path's deviations, in intervals of `step` (s)."""
+    reference, end = reference_of(problem)
+    return Task(
+        reference,
+        jnp.asarray(end, float),
+        jnp.array([interval.lower for interval in problem.inputs]),
+        jnp.array([interval.upper for interval in problem.inputs]),
+        Weights(*(jnp.asarray(matrix, float) for matrix in weights)),
+        jnp.asarray(step, float),
+    )
+
+
 def point_of(task: Task, theta: Scalar, piece: Scalar) -> ReferencePoint:
     """The reference at θ ≥ 0 by the polynomials of the given piece; beyond the end it stays, without slopes."""
     if isinstance(task.reference, ReferencePoint):

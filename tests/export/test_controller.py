@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import re
 import subprocess
 from collections.abc import Callable
@@ -47,7 +48,10 @@ from cfjax.verdict import Verdict
 from tests.certificate.test_trace import SteeredBicycle
 
 
-pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler: set CC or install cc")
+# a newcomer may have no C compiler; where everything has to hold (.ci/run brings one) its absence fails the tests
+pytestmark = pytest.mark.skipif(
+    compiler() is None and not os.environ.get("CI"), reason="no C compiler: set CC or install cc"
+)
 
 STATES = 100_000
 AGREEMENT = 1e-9  # of the inputs' half-widths
