@@ -325,7 +325,7 @@ class Terms:
     def spare(self) -> fmpq:
         """What V̈/σ may be above its largest value at a vertex beside a steady reference."""
         varying = ((name, upper - lower) for name, (lower, upper) in self.parameters.items() if lower < upper)
-        return sum((self._rest(name) * width**2 / 4 for name, width in varying), self.wander)
+        return sum((self.rest(name) * width**2 / 4 for name, width in varying), self.wander)
 
     @cached_property
     def wander(self) -> fmpq:
@@ -343,7 +343,7 @@ class Terms:
         each = zip(gradient, direction, strict=True)
         return sum((size * self.dynamics.size(entry, self.sizes) for size, entry in each), fmpq(0))
 
-    def _rest(self, name: str) -> fmpq:
+    def rest(self, name: str) -> fmpq:
         """How negative the coefficient of the parameter's square in V̈/σ can be: ∇q·(∂b/∂x) b, b = ∂f/∂(parameter).
 
         With V's own rate, u0² has 2 k ∇q·b as well; the squares 2 bᵀCb and k² q are left out.

@@ -17,17 +17,20 @@ import pytest
 from flint import fmpq
 
 from cfjax.certificate import certify
+from cfjax.certificate.fit import enclose
 from cfjax.certificate.robustness import hints_for, robustness_document
+from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.stretches import round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import FunnelClaim, Room, SegmentClaim, document_hash, read_problem
-from cfjax.check.enclosure import Budget
+from cfjax.check.enclosure import Budget, Enclosure
+from cfjax.check.held import HeldCell, HeldMotion, Terms, derivative_of
 from cfjax.check.held_hints import read_stretch
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import Absorbed, Rates, Robustness, kept_level, prove_rates
+from cfjax.check.robustness import Absorbed, Rates, Robustness, kept_level, motions, prove_rates
 from cfjax.check.symbolic import symbolic
 from cfjax.control import LAWS
 from cfjax.control.law import LAW_SHARE, law_numbers
@@ -155,6 +158,94 @@ def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], t
     assert np.abs(stale).max() <= float(bounds.staleness)
     assert (np.abs(slopes).max(axis=0) <= np.array([float(bound) for bound in bounds.slopes])).all()
     assert (np.abs(gradient).max(axis=0) <= np.array([float(bound) for bound in bounds.gradient]) * (1 + 1e-12)).all()
+
+
+def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]:
+    """What is bounded over the whole of a steady segment, with enclosures of sine and cosine."""
+    graph = trace_deviation(problem.vehicle)
+    claim = read_problem(write_problem(problem, graph))
+    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
+    segment = claim.distinct[0]
+    assert isinstance(segment, SegmentClaim)
+    one = round_funnel(funnel, problem.path.segments[0])
+    told = FunnelClaim(funnel.template.name, one.shape, one.rate, one.beta_lower, one.beta_inner, fmpq(1), None)
+    found = []
+    for motion, terms in motions(claim, dynamics, segment.pieces, told, (fmpq(0), segment.duration)):
+        values, slopes = {}, {}
+
+        def fit(
+            node: int, function: str, argument: Enclosure, values: dict = values, slopes: dict = slopes
+        ) -> Enclosure:
+            values[node], slopes[node] = enclose(function, argument), enclose(derivative_of(function)[0], argument)
+            return argument.apply(values[node])
+
+        motion = replace(motion, whitening=round_whitening(funnel.shape / float(motion.peak)))
+        motion.rates(motion.vertices[0], fit)
+        found.append((replace(motion, enclosures=hints[0], derivatives=hints[1]), terms))
+    return found
+
+
+@pytest.mark.parametrize("name", ["circle pf contracting", "straight pf paper"])
+def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tuple[Problem, Funnel]]) -> None:
+    """V̇/σ and V̈/σ at a vertex, at θ = 0, against V itself, within the remainder; the target leaves all of it out."""
+    problem, funnel = case(name)
+    value, rate = motion_of(problem, funnel)
+    rng = np.random.default_rng(0)
+    for motion, _ in parts_of(problem, funnel):
+        whitening = np.array([[float(entry) for entry in row] for row in motion.whitening])
+        for vertex in (0, len(motion.vertices) - 2):
+            u = jnp.array([float(motion.vertices[vertex][f"input:{name}"]) for name in ("u0", "w", "thrust")])
+
+            def first(z: jax.Array, u: jax.Array = u) -> jax.Array:
+                return jax.jvp(value, (z,), (rate(z, u),))[1]
+
+            orders = {1: (motion.first(vertex), first), 2: (motion.second(vertex), along_motion(first, rate, u))}
+            for order, (enclosure, exact) in orders.items():
+                left = float(enclosure.largest_remainder) + 1e-9
+                for y in rng.normal(size=(6, 4)):
+                    y = y / np.linalg.norm(y) * rng.uniform()
+                    there = float(exact(jnp.concatenate([jnp.zeros(1), jnp.asarray(whitening @ y)])))
+                    assert abs(at(enclosure.polynomial, y) - there) <= left
+                cell = HeldCell(order, vertex)
+                more = replace(motion, spare=motion.spare + 3)
+                assert motion.target(cell) - more.target(cell) == (3 if order == 2 else 0)
+
+
+def along_motion(first: Callable, rate: Callable, u: jax.Array) -> Callable:
+    return lambda z: jax.jvp(first, (z,), (rate(z, u),))[1]
+
+
+def at(polynomial: Any, y: np.ndarray) -> float:
+    terms = polynomial.to_dict().items()
+    return sum(float(c) * math.prod(v ** int(e) for v, e in zip(y, exponents, strict=True)) for exponents, c in terms)
+
+
+def test_what_vertices_do_not_see_is_made_up_for(case: Callable[[str], tuple[Problem, Funnel]]) -> None:
+    """The coefficient of an input's square in V̈/σ, less the squares in it, is not below the bound; of u0 it is negative."""
+    problem, funnel = case("circle pf contracting")
+    value, rate = motion_of(problem, funnel)
+    shape = jnp.asarray(funnel.shape)
+    z = jnp.asarray(states_inside(problem, funnel, 4000)).at[:, 0].set(0.0)
+    rest = jnp.array([1.2, 0.3, 1.0])
+
+    def second(z: jax.Array, u: jax.Array) -> jax.Array:
+        return along_motion(lambda at: jax.jvp(value, (at,), (rate(at, u),))[1], rate, u)(z)
+
+    _, terms = parts_of(problem, funnel)[-1]  # the outer range of levels holds every q up to 1
+    for index, name in enumerate(("u0", "w", "thrust")):
+        step = jnp.zeros(3).at[index].set(1.0)
+
+        @jax.jit
+        @jax.vmap
+        def remaining(z: jax.Array, step: jax.Array = step, index: int = index) -> jax.Array:
+            square = (second(z, rest + step) - 2 * second(z, rest) + second(z, rest - step)) / 2
+            b = (rate(z, rest + step) - rate(z, rest))[1:]
+            own = funnel.rate**2 * value(z) if index == 0 else 0.0
+            return square - 2 * b @ shape @ b - own
+
+        least, bound = float(remaining(z).min()), float(terms.rest(f"input:{name}"))
+        assert least >= -bound - 1e-9
+        assert (least < -0.3 * bound and bound > 1) if name == "u0" else bound == 0
 
 
 def hold(
