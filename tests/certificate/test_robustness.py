@@ -171,13 +171,11 @@ def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]
     told = FunnelClaim(funnel.template.name, one.shape, one.rate, one.beta_lower, one.beta_inner, fmpq(1), None)
     found = []
     for motion, terms in motions(claim, dynamics, segment.pieces, told, (fmpq(0), segment.duration)):
-        values, slopes = {}, {}
+        hints: tuple[dict, dict] = {}, {}
 
-        def fit(
-            node: int, function: str, argument: Enclosure, values: dict = values, slopes: dict = slopes
-        ) -> Enclosure:
-            values[node], slopes[node] = enclose(function, argument), enclose(derivative_of(function)[0], argument)
-            return argument.apply(values[node])
+        def fit(node: int, function: str, argument: Enclosure, hints: tuple[dict, dict] = hints) -> Enclosure:
+            hints[0][node], hints[1][node] = enclose(function, argument), enclose(derivative_of(function)[0], argument)
+            return argument.apply(hints[0][node])
 
         motion = replace(motion, whitening=round_whitening(funnel.shape / float(motion.peak)))
         motion.rates(motion.vertices[0], fit)
@@ -221,7 +219,7 @@ def at(polynomial: Any, y: np.ndarray) -> float:
 
 
 def test_what_vertices_do_not_see_is_made_up_for(case: Callable[[str], tuple[Problem, Funnel]]) -> None:
-    """The coefficient of an input's square in V̈/σ, less the squares in it, is not below the bound; of u0 it is negative."""
+    """Of an input's square in V̈/σ, less the squares in it: never below the bound; of u0 it is negative."""
     problem, funnel = case("circle pf contracting")
     value, rate = motion_of(problem, funnel)
     shape = jnp.asarray(funnel.shape)
