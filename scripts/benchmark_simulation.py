@@ -215,7 +215,7 @@ def measure(asked: Question, runs: int, solved: int) -> tuple[Table, list[str]]:
     def by_jax(batch: int) -> int:
         stride = max(1, batch // RECORDED)
         arguments = asked.vehicle, asked.leg.funnel.template, MinNorm(), asked.table, profiles, None, starts[:batch]
-        driven, _ = jax.block_until_ready(drive(*arguments, asked.limit(), 1, stride))
+        driven, _ = jax.block_until_ready(drive(*arguments, asked.limit(), 1, asked.limit() + 1, stride))
         clock = np.asarray(driven.cars.clock)
         ends[f"cfjax, {batch}"] = clock, np.stack(driven.cars.x, axis=1)
         return asked.steps(clock)

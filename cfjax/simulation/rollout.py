@@ -76,7 +76,7 @@ class Record(NamedTuple):
     value: Array
 
 
-@partial(jax.jit, static_argnames=("vehicle", "template", "law", "limit", "every", "stride"))
+@partial(jax.jit, static_argnames=("vehicle", "template", "law", "rows", "stride"))
 def drive(
     vehicle: Vehicle,
     template: Template,
@@ -85,14 +85,15 @@ def drive(
     profiles: Pieces,
     obstacles: tuple[Pieces, Surroundings] | None,
     starts: Float[Array, "k n"],
-    limit: int,
-    every: int,
+    limit: int | Int[Array, ""],
+    every: int | Int[Array, ""],
+    rows: int,
     stride: int,
 ) -> tuple[Driven, Record]:
     """All cars, driven until each has arrived, at most `limit` steps; `obstacles` come with the poses along the path.
 
-    Returns their final states, and a record of each `stride`-th car before each `every`-th step: leading axis time,
-    rows after the last arrival repeat it.
+    Returns their final states, and a record of each `stride`-th car before each `every`-th step: leading axis time, so
+    many rows; those after the last arrival repeat it. One compiled program serves ways of every length.
     """
     final = legs.first.shape[0] - 1
     finish = legs.loop.end[final]
@@ -138,7 +139,6 @@ def drive(
     own = legs.of(none)
     cars = start(template, own.loop, starts)
     driven = Driven(cars, none, apart(cars))
-    rows = -(-limit // every) + 1
     empty = jax.tree.map(lambda now: jnp.zeros((rows, *now.shape)), recorded(driven))
     count, driven, _, history = jax.lax.while_loop(running, step, (jnp.zeros((), int), driven, own, empty))
     after = jnp.arange(rows)[:, None] * every >= count
@@ -256,8 +256,9 @@ def drive_cars(
     every = math.ceil(limit / MOST_ROWS)
     starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
     stride = max(1, cars // RECORDED)
-    driven = drive(problem.vehicle, template, law, table, profiles, around, starts, limit, every, stride)
+    driven = drive(problem.vehicle, template, law, table, profiles, around, starts, limit, every, MOST_ROWS + 1, stride)
     (last, _, clear), history = jax.block_until_ready(driven)
+    rows = 1 + int((np.asarray(history.clock) < np.asarray(history.clock[-1])).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal.half_axes)
     arrived = np.asarray(last.theta) >= end[-1]
     largest, clock = np.asarray(last.largest_value), np.asarray(last.clock)[arrived]
@@ -270,5 +271,5 @@ def drive_cars(
         largest_value=float(largest.max()),
         arrival=(float(clock.min()), float(clock.max())) if clock.size else None,
     )
-    theta, x, value = np.asarray(history.theta), np.stack(history.x, axis=-1), np.asarray(history.value)
-    return summary, Rollouts(np.asarray(history.clock), theta, x, value)
+    clock, theta, value = (np.asarray(kept)[:rows] for kept in (history.clock, history.theta, history.value))
+    return summary, Rollouts(clock, theta, np.stack(history.x, axis=-1)[:rows], value)
