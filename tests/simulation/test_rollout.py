@@ -77,7 +77,8 @@ def ways(problem: Problem, legs: list[Leg], starts: np.ndarray, finer: int = 1):
     table = rollout.table_of(problem, legs, profiles)
     table = table._replace(loop=table.loop._replace(step=table.loop.step / finer))
     template = legs[0].funnel.template
-    return drive(problem.vehicle, template, MinNorm(), table, profiles, None, jnp.asarray(starts), 100_000, 100, 1001, 1)
+    arguments = problem.vehicle, template, MinNorm(), table, profiles, None, jnp.asarray(starts)
+    return drive(*arguments, 100_000, 100, 1001, 1)
 
 
 def started_at(monkeypatch: pytest.MonkeyPatch, *starts: tuple[float, ...]) -> None:
