@@ -75,6 +75,7 @@ class Robustness:
     pose_level: float  # of V at the start, with an error of the pose alone
     together: Absorbed
     level: float  # likewise, with all at once
+    by_speed: tuple[tuple[float, float, Absorbed], ...] = ()  # of a tube: `alone` from one speed to another, m/s
 
 
 @dataclass(frozen=True)

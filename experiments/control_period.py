@@ -1,17 +1,22 @@
 """How long inputs may be held: the proven control period against authority and the shell's inner level.
 
     python experiments/control_period.py [--path circle] [--authority 1 0.7 0.5 0.35 0.25] [--beta 0.9 0.8 0.7]
+    python experiments/control_period.py --tubes
 
 Inputs that stay closer to what the reference needs change the rate of V less: a smaller authority costs margin and buys
 time. A shell that begins further inside leaves room for what V rises before the law looks again. Each line is a funnel,
 learned and certified; beside the proven period stands the shortest one in which an adversary, who picks the state and
 any input that a law may take, left the funnel (found, not proven). The folder gets `table.csv` and `period.png`.
+With --tubes the lines are tubes, and the adversary also picks the path; there is no picture.
 """
 
 import argparse
 import csv
+import itertools
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -24,14 +29,37 @@ from cfjax.check.replay import check_document, check_robustness
 from cfjax.control.law import LAW_SHARE
 from cfjax.falsifier import first_escape
 from cfjax.options import Options
-from cfjax.problem import Box, Problem
+from cfjax.problem import Box, Interval, Problem, ball, tube
 from cfjax.report.style import CAR_COLOURS, STYLE
 from cfjax.synthesis import search
 from cfjax.verdict import Verdict
 
 
 COLUMNS = ("authority", "beta_lower", "margin", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
+TUBE_COLUMNS = ("speeds", "curvature", "acceleration", "inlet", "goal", *COLUMNS[1:])
 HORIZON = 8.0  # periods that the adversary looks ahead
+
+
+class Bounds(NamedTuple):
+    """Of a tube: speeds (m/s), largest curvature (1/m) and acceleration (m/s²), radii of I and G, and β̲."""
+
+    lowest: float
+    highest: float
+    curvature: float
+    acceleration: float
+    inlet: float
+    goal: float
+    beta: float
+
+
+TUBES = (
+    Bounds(1.0, 1.0, 1.0, 0.0, 0.4, 0.6, 0.9),  # the defaults of +path=tube
+    Bounds(1.0, 1.0, 1.0, 0.0, 0.4, 0.6, 0.8),
+    Bounds(2.0, 2.0, 1.0, 0.0, 0.4, 0.6, 0.8),
+    Bounds(1.0, 2.0, 1.0, 0.0, 0.4, 0.6, 0.8),
+    Bounds(1.0, 2.0, 1.0, 0.5, 0.4, 0.6, 0.8),
+    Bounds(1.0, 2.0, 1.0, 0.5, 0.15, 0.25, 0.8),
+)
 
 
 def main() -> int:
@@ -39,32 +67,52 @@ def main() -> int:
     parser.add_argument("--path", default="circle", choices=("circle", "straight"))
     parser.add_argument("--authority", type=float, nargs="+", default=[1.0, 0.7, 0.5, 0.35, 0.25])
     parser.add_argument("--beta", type=float, nargs="+", default=[0.9, 0.8, 0.7])
+    parser.add_argument("--tubes", action="store_true", help="of tubes instead of a path")
     parser.add_argument("--output", type=Path, default=Path("outputs/control_period"))
     arguments = parser.parse_args()
+    jobs = map(of_tube, TUBES) if arguments.tubes else product_of(arguments.path, arguments.authority, arguments.beta)
+    columns, title = (TUBE_COLUMNS, "tubes") if arguments.tubes else (COLUMNS, arguments.path)
     rows = []
-    for authority in arguments.authority:
-        for beta in arguments.beta:
-            rows.append(line(arguments.path, authority, beta))
-            print(", ".join(f"{name} {value:.4g}" for name, value in rows[-1].items()), file=sys.stderr, flush=True)
+    for row in jobs:
+        rows.append(row)
+        print(", ".join(f"{name} {shown(value)}" for name, value in row.items()), file=sys.stderr, flush=True)
     arguments.output.mkdir(parents=True, exist_ok=True)
     with (arguments.output / "table.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    table = Table(*COLUMNS, title=f"{arguments.path}: proven control periods")
+    table = Table(*columns, title=f"{title}: proven control periods")
     for row in rows:
-        table.add_row(*(f"{row[name]:.3g}" for name in COLUMNS))
-    Console(width=120).print(table)
-    draw(rows, arguments.output / "period.png")
+        table.add_row(*(shown(row[name]) for name in columns))
+    Console(width=140).print(table)
+    if not arguments.tubes:
+        draw(rows, arguments.output / "period.png")
     print(f"folder: {arguments.output}")
     return 0
 
 
-def line(path: str, authority: float, beta: float) -> dict[str, float]:
+def shown(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.3g}"
+
+
+def product_of(path: str, authorities: list[float], betas: list[float]) -> Iterator[dict[str, Any]]:
+    for authority, beta in itertools.product(authorities, betas):
+        problem = Problem(getattr(cfjax, path)(), safe=Box((1.0, 1.0, 1.0, 3.0)), authority=authority)
+        yield {"authority": authority} | line(problem, beta)
+
+
+def of_tube(bounds: Bounds) -> dict[str, Any]:
+    path = tube(bounds.curvature, Interval(bounds.lowest, bounds.highest), bounds.acceleration)
+    problem = Problem(path, inlet=ball(bounds.inlet), goal=ball(bounds.goal))
+    speeds = f"{bounds.lowest:g} to {bounds.highest:g}"
+    asked = {name: getattr(bounds, name) for name in ("curvature", "acceleration", "inlet", "goal")}
+    return {"speeds": speeds} | asked | line(problem, bounds.beta)
+
+
+def line(problem: Problem, beta: float) -> dict[str, float]:
     """One funnel's figures; periods in ms, margin in 1/s, disturbances in m/s and m/s²."""
-    problem = Problem(getattr(cfjax, path)(), safe=Box((1.0, 1.0, 1.0, 3.0)), authority=authority)
     result = search(problem, Options(beta_lower=beta, cars=0))
-    nothing = dict.fromkeys(COLUMNS, float("nan")) | {"authority": authority, "beta_lower": beta}
+    nothing = dict.fromkeys(COLUMNS[1:], float("nan")) | {"beta_lower": beta}
     if result.verdict is not Verdict.CERTIFIED or result.margin_certified is None or result.document is None:
         return nothing
     hints = robustness_of(result)
@@ -73,9 +121,10 @@ def line(path: str, authority: float, beta: float) -> dict[str, float]:
         return nothing | {"margin": result.margin_certified}
     period, funnel = float(proven.alone.period), result.segments[0].funnel
     decrease = LAW_SHARE * result.margin_certified
-    escape = first_escape(problem, problem.path.segments[0], funnel, decrease, HORIZON * period)
+    per_metre = LAW_SHARE * (result.segments[0].margin_per_metre or 0.0)
+    segment = problem.path.segments[0]
+    escape = first_escape(problem, segment, funnel, decrease, HORIZON * period, decrease_per_metre=per_metre)
     return {
-        "authority": authority,
         "beta_lower": beta,
         "margin": result.margin_certified,
         "period_ms": 1e3 * period,

@@ -5,6 +5,7 @@ but hints: what they show, `cfjax.check.robustness` computes.
 """
 
 import itertools
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -23,26 +24,31 @@ from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivative_of
 from cfjax.check.held_hints import CLAIM
 from cfjax.check.piece import between
-from cfjax.check.robustness import motions
+from cfjax.check.rational import rational
+from cfjax.check.robustness import motions, tube_motions
 from cfjax.check.symbolic import Symbolic, symbolic
+from cfjax.check.tube import TubeClaim, require_tube_structure
 from cfjax.result import Result
 from cfjax.verdict import Verdict
 
 
+BAND, MOST_BANDS = 3.0, 2  # ratio of a band's speeds; each costs up to some hundred programs
+
+
 def robustness_of(result: Result, workers: int = 1) -> dict[str, Any] | None:
-    """The file of hints for a certified result; None where there is none of its kind: for tubes.
+    """The file of hints for a certified result; None where there is none of its kind: for a path that tubes hold.
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
     """
     document = result.document
-    if document is None or document["claim"] != "funnel" or result.problem.path.tube:
+    if document is None or document["claim"] != "funnel":
         return None
     return robustness_document(document, workers)
 
 
 def robustness_document(document: dict[str, Any], workers: int = 1) -> dict[str, Any]:
-    """The file of hints for a certificate of funnels along a path, given as the document that the checker accepted.
+    """The file of hints for a certificate of funnels, given as the document that the checker accepted.
 
     Raises:
         NotProven: a bound that no hint was found for.
@@ -55,8 +61,9 @@ def robustness_document(document: dict[str, Any], workers: int = 1) -> dict[str,
         each = zip(problem.distinct, certificate.funnels, certificate.hints, strict=True)
         funnels = [
             hints_for(problem, dynamics, segment, funnel, [stretch.end for stretch in hints.stretches], pool)
-            for segment, funnel, hints in each
             if isinstance(segment, SegmentClaim)
+            else tube_hints(problem, dynamics, segment, funnel, pool)
+            for segment, funnel, hints in each
         ]
     return with_hash(CLAIM, {"certificate": document["hash"], "funnels": funnels})
 
@@ -80,6 +87,30 @@ def hints_for(
         asked = motions(problem, dynamics, parts, funnel, (begin, end))
         found.append({"end": str(end), "levels": [_levels(motion, pool) for motion, _ in asked]})
     return found
+
+
+def tube_hints(
+    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, pool: ThreadPoolExecutor
+) -> list[dict[str, Any]]:
+    """For a tube, in bands of speed.
+
+    Raises:
+        NotProven, Broken, ValueError: as `robustness_document`.
+    """
+    require_tube_structure(dynamics)
+    found = []
+    for band in itertools.pairwise(speed_bands(tube)):
+        asked = tube_motions(problem, dynamics, tube, funnel, band)
+        found.append({"end": str(band[1]), "levels": [_levels(motion, pool) for motion, _ in asked]})
+    return found
+
+
+def speed_bands(tube: TubeClaim) -> list[fmpq]:
+    """Ends of bands of speed, of equal ratio: as many as it takes to stay near BAND, and no more than MOST_BANDS."""
+    lower, upper = tube.speed
+    count = max(1, min(MOST_BANDS, round(math.log(float(upper / lower), BAND))))
+    inner = [rational(round(float(lower) * float(upper / lower) ** (k / count), 3)) for k in range(1, count)]
+    return [lower, *inner, upper]
 
 
 def _levels(motion: HeldMotion, pool: ThreadPoolExecutor) -> dict[str, Any]:

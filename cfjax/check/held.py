@@ -15,6 +15,10 @@ and what was added takes away at most δ_i width²/4. So V̈ is largest at a ver
 
 Where r itself changes, V̈ has one more term, ∂V̇/∂r · r'(θ) u0: it is bounded and added as well.
 
+Where r may jump at any time, as in a tube, V̇ at a reference r' that stays is looked at while the car moves beside any
+other, r: d/dt (∇V·f(x, u, r')) = 2 f(r)ᵀ C f(r') + ∇V·(∂f(r')/∂x) f(r). Turning rate and acceleration of r' are
+parameters of their own then (`asked:…`), and it is affine in each of the four.
+
 That B is a bound at a vertex is shown by sums of squares (`cfjax.check.program`), with q_lo ≤ q ≤ q_hi as constraints.
 """
 
@@ -38,7 +42,13 @@ from cfjax.check.symbolic import DERIVATIVES, Symbolic
 Range = tuple[fmpq, fmpq]
 Point = Mapping[str, fmpq]  # parameters by the graph's names
 TIMING = "input:u0"
+REFERENCE, ASKED = "reference:", "asked:"  # beside which a car moves, and at which V̇ is looked at where that is another
 ORDERS = (1, 2)  # V̇, V̈
+
+
+def asked_name(name: str) -> str:
+    """The parameter that stands for a reference's where V̇ is looked at."""
+    return name.replace(REFERENCE, ASKED)
 
 
 def held_pieces(template: str, rate: fmpq, span: Range) -> list[LevelPiece]:
@@ -117,6 +127,7 @@ class HeldMotion(FunnelProgram):
 
     `parameters` is the box by the graph's names (`input:…`, `reference:…`); `spare` is what V̈/σ may be above its
     largest value at a vertex (`Terms`).
+    Of the parameter `mirrored`, where one is named, the upper end speaks for the lower one.
     `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for its derivative.
     """
 
@@ -130,6 +141,7 @@ class HeldMotion(FunnelProgram):
     enclosures: Mapping[int, UnaryEnclosure]
     derivatives: Mapping[int, UnaryEnclosure]
     degrees: tuple[int, ...]
+    mirrored: str = ""
 
     @property
     def peak(self) -> fmpq:
@@ -141,15 +153,26 @@ class HeldMotion(FunnelProgram):
 
     @cached_property
     def vertices(self) -> tuple[dict[str, fmpq], ...]:
-        """All parameters at each vertex of their box."""
+        """All parameters at each vertex of their box, or of the half of it that speaks for the other one."""
         fixed = {name: lower for name, (lower, _) in self.parameters.items()}
-        corners = product(*(self.parameters[name] for name in self.varying))
+        ends = ((name, self.parameters[name]) for name in self.varying)
+        corners = product(*(limits[1:] if name == self.mirrored else limits for name, limits in ends))
         return tuple(fixed | dict(zip(self.varying, corner, strict=True)) for corner in corners)
 
     def cells(self) -> Iterator[HeldCell]:
         for vertex in range(len(self.vertices)):
-            for order in ORDERS:
+            for order in self.orders(vertex):
                 yield HeldCell(order, vertex)
+
+    def orders(self, vertex: int) -> tuple[int, ...]:
+        """What is bounded there: of V̇ nothing new where it is looked at beside another reference."""
+        at = self.vertices[vertex]
+        return ORDERS if self.asked(at) == at else ORDERS[1:]
+
+    @staticmethod
+    def asked(at: Point) -> Point:
+        """The parameters at which V̇ is looked at."""
+        return {name: at.get(asked_name(name), value) for name, value in at.items()}
 
     # --- the motion at given parameters
 
@@ -185,13 +208,13 @@ class HeldMotion(FunnelProgram):
             total = total + self.domain.exact(gradient) * entry
         return total
 
-    def bend(self, direction: list[Enclosure]) -> Enclosure:
-        """2 dᵀ C d for a direction d."""
+    def bend(self, one: list[Enclosure], other: list[Enclosure]) -> Enclosure:
+        """2 oneᵀ C other, for two directions."""
         total = self.domain.constant(fmpq(0))
         for i, row in enumerate(self.shape):
-            for j in range(i + 1):
-                weight = self.domain.constant((2 if i == j else 4) * row[j])
-                total = total + weight * (direction[i] * direction[j])
+            total = total + self.domain.constant(2 * row[i]) * (one[i] * other[i])
+            for j in range(i):
+                total = total + self.domain.constant(2 * row[j]) * (one[i] * other[j] + one[j] * other[i])
         return total
 
     # --- at a vertex, by its number: V̇ and V̈ divided by σ
@@ -213,10 +236,11 @@ class HeldMotion(FunnelProgram):
         return self.uphill(self.moved(vertex)) + timing
 
     def second(self, vertex: int) -> Enclosure:
-        """V̈/σ beside a reference that stays as it is: k² u0² q + 2 k u0 q̇ + q̈."""
+        """V̈/σ beside references that stay as they are: k² u0² q + 2 k u0 q̇ + q̈."""
         at, rates = self.vertices[vertex], self.moved(vertex)
+        asked = self.asked(at)
         k = self.piece.timing[1] * at[TIMING]
-        total = self.bend(rates) + self.uphill(self.along(at, rates))
+        total = self.bend(rates, rates if asked == at else self.rates(asked)) + self.uphill(self.along(asked, rates))
         if k:
             total = total + self.domain.constant(2 * k) * self.uphill(rates) + self.domain.exact(k * k * self.form)
         return total
@@ -303,7 +327,8 @@ class HeldMotion(FunnelProgram):
 class Terms:
     """Sizes of terms of V̇ and V̈ over one range of levels: every polynomial bounded term by term.
 
-    `parameters` as in `HeldMotion`; `slopes` bounds |dr/dθ| of the reference's.
+    `parameters` as in `HeldMotion`; `slopes` bounds |dr/dθ| of the reference's, where that is looked at. With other
+    references to look at, the dynamics have to be those of a tube (`cfjax.check.tube`): what jumps multiplies u0 alone.
     """
 
     dynamics: Symbolic
@@ -324,8 +349,15 @@ class Terms:
     @cached_property
     def spare(self) -> fmpq:
         """What V̈/σ may be above its largest value at a vertex beside a steady reference."""
-        varying = ((name, upper - lower) for name, (lower, upper) in self.parameters.items() if lower < upper)
-        return sum((self.rest(name) * width**2 / 4 for name, width in varying), self.wander)
+        linear = {name for asked in self.jumps for name in (asked, asked.replace(ASKED, REFERENCE))}
+        varying = {name: upper - lower for name, (lower, upper) in self.parameters.items() if name not in linear}
+        rests = (self.rest(name) * width**2 / 4 for name, width in varying.items() if width)
+        return sum(rests, self.wander)
+
+    @cached_property
+    def jumps(self) -> dict[str, fmpq]:
+        """Parameters at which V̇ is looked at, with the widths of their intervals."""
+        return {name: upper - lower for name, (lower, upper) in self.parameters.items() if name.startswith(ASKED)}
 
     @cached_property
     def wander(self) -> fmpq:
@@ -350,6 +382,8 @@ class Terms:
         """
         dynamics = self.dynamics
         b = [dynamics.derivative(rate, name) for rate in dynamics.rates]
+        if name == TIMING and self.jumps:
+            return self._rest_apart(b)
         turned = []
         for entry in b:
             slopes = (dynamics.derivative(entry, state) for state in self.states)
@@ -357,3 +391,29 @@ class Terms:
             turned.append(sum(terms, dynamics.domain.ring.constant(0)))
         own = 2 * abs(self.piece.timing[1]) * self._uphill(b) if name == TIMING else fmpq(0)
         return self._uphill(turned) + own
+
+    def _rest_apart(self, b: Sequence[fmpq_mpoly]) -> fmpq:
+        """The same of u0², where b(r) and b(r') differ: 2 b(r)ᵀC b(r') ≥ −½ (b(r) − b(r'))ᵀC (b(r) − b(r'))."""
+        dynamics, each = self.dynamics, range(len(b))
+        size = [dynamics.size(entry, self.sizes) for entry in b]
+        gradient = [2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in each]
+        turned = sum(
+            (
+                gradient[i] * dynamics.size(dynamics.derivative(b[i], state), self.sizes) * size[j]
+                for i in each
+                for j, state in enumerate(self.states)
+            ),
+            fmpq(0),
+        )
+        apart = [
+            sum(
+                (
+                    width * dynamics.size(dynamics.derivative(entry, name.replace(ASKED, REFERENCE)), self.sizes)
+                    for name, width in self.jumps.items()
+                ),
+                fmpq(0),
+            )
+            for entry in b
+        ]
+        square = sum((abs(self.shape[i][j]) * apart[i] * apart[j] for i in each for j in each), fmpq(0))
+        return turned + square / 2

@@ -25,7 +25,7 @@ from cfjax.check.reader import Broken, Item, Unreadable
 
 CLAIM = "robustness"
 DEGREES = (2, 1)  # of the monomials in Gram matrices: of the free square, and of the ranges of levels
-MOST_VERTICES = 128  # seven parameters that vary
+MOST_VERTICES = 256  # eight parameters that vary
 
 Unary = Mapping[int, UnaryHint]
 
@@ -42,7 +42,7 @@ class PieceHints:
 
 @dataclass(frozen=True)
 class HeldStretch:
-    """Where a stretch of θ ends (s), and the hints for it."""
+    """Where a stretch of θ ends (s), or of a tube a band of speeds (m/s), and the hints for it."""
 
     end: fmpq
     pieces: tuple[PieceHints, ...]

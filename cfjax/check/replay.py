@@ -83,14 +83,26 @@ def _absorbed(states: tuple[str, ...], proven: Robustness) -> str:
         return ", ".join(f"{name} {decimal_text(amount, ROUND_FLOOR)}" for name, amount in named)
 
     alone, joint = proven.alone, proven.joint
+    share = decimal_text(LAW_SHARE, ROUND_CEILING)
+    law, meanwhile = f"A law whose inputs reach V' <= -{share} lambda in the shell", ""
+    if proven.bands:
+        law += (
+            f" and V' <= -{share} v_r times the margin per metre, for every curvature and acceleration of the tube at "
+            "once,"
+        )
+        by_speed = ", ".join(
+            f"{decimal_text(own.period, ROUND_FLOOR)} s up to {about(upper)} m/s"
+            for (_, upper), own in zip(proven.bands, proven.by_speed, strict=True)
+        )
+        meanwhile = f" (chosen at a speed of the path: {by_speed}), whatever curvature and acceleration do meanwhile"
     return (
-        f"A law whose inputs reach V' <= -{decimal_text(LAW_SHARE, ROUND_CEILING)} lambda in the shell may hold them "
-        f"for {decimal_text(alone.period, ROUND_FLOOR)} s; or, chosen at every moment, they absorb in one state a rate "
-        f"that is off by ({each(alone.disturbance)}) a second; or a measured one that is off by "
-        f"({each(alone.pose_error)}), from starts in V <= {decimal_text(proven.pose_level, ROUND_FLOOR)}; or, once it "
-        f"has come, what was measured {decimal_text(alone.delay, ROUND_FLOOR)} s ago, theta with it. All at once, in "
-        f"every state: held for {decimal_text(joint.period, ROUND_FLOOR)} s, ({each(joint.disturbance)}) a second, "
-        f"({each(joint.pose_error)}), {decimal_text(joint.delay, ROUND_FLOOR)} s ago, from starts in V <= "
+        f"{law} may hold them for {decimal_text(alone.period, ROUND_FLOOR)} s{meanwhile}; or, chosen at every moment, "
+        f"they absorb in one state a rate that is off by ({each(alone.disturbance)}) a second; or a measured one that "
+        f"is off by ({each(alone.pose_error)}), from starts in V <= {decimal_text(proven.pose_level, ROUND_FLOOR)}; "
+        f"or, once it has come, what was measured {decimal_text(alone.delay, ROUND_FLOOR)} s ago, theta with it. "
+        f"All at once, in every state: held for {decimal_text(joint.period, ROUND_FLOOR)} s, "
+        f"({each(joint.disturbance)}) a second, ({each(joint.pose_error)}), "
+        f"{decimal_text(joint.delay, ROUND_FLOOR)} s ago, from starts in V <= "
         f"{decimal_text(proven.joint_level, ROUND_FLOOR)}."
     )
 

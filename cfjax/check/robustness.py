@@ -16,6 +16,14 @@ new segment comes, V rises by (D + Σ G δ)(h + τ) at most. Without error of th
 
 Curvature and acceleration that jump inside a segment, where V̇ jumps by J in all, take J out of λ'.
 
+**Tubes.** Curvature and acceleration may jump at any time there, and as often. So λ' is asked of the law at every one
+of them: ∇V·f(x, u, r') ≤ −λ' for all r' of the speed at hand (`cfjax.control.any_path_numbers`; f is affine in what
+differs). How fast this can rise for an r' of fixed curvature and acceleration, beside whatever the path does meanwhile,
+M bounds (`cfjax.check.held`), and V̇ is its value at the r' of the moment: the inequalities hold as they are, without J.
+M grows with the square of the speed and λ' = max(λ, μ v) with its first power, so the speeds are cut into **bands**.
+While what was measured is in use the speed may leave its band, by no more than its acceleration takes it in HORIZON
+seconds: the bounds hold for such speeds too, and no amount of time is longer.
+
 A certificate states nothing of this: the bounds are proven from hints in a file beside it, the amounts then computed.
 """
 
@@ -31,7 +39,19 @@ from cfjax.check.certified import LAW_SHARE
 from cfjax.check.decrease import level_bounds
 from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
-from cfjax.check.held import ORDERS, TIMING, HeldCell, HeldMotion, Terms, derivative_of, held_pieces, require_affine
+from cfjax.check.held import (
+    ASKED,
+    ORDERS,
+    REFERENCE,
+    TIMING,
+    HeldCell,
+    HeldMotion,
+    Terms,
+    asked_name,
+    derivative_of,
+    held_pieces,
+    require_affine,
+)
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
@@ -40,12 +60,22 @@ from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
 from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
+from cfjax.check.tube import (
+    SPEED,
+    SPEED_SLOPE,
+    TURN_RATE,
+    TURN_RATE_SLOPE,
+    TubeClaim,
+    is_mirrored,
+    require_tube_structure,
+)
 
 
 SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
 PERIOD, DISTURBANCE, POSE, DELAY = (fmpq(part, 10) for part in (4, 2, 2, 2))  # of λ', where all come together
 HALVINGS = 16
 MOST = fmpq(10**6)
+HORIZON = fmpq(1, 20)  # s
 GAMMA_STEPS = 16  # √γ is told to 2^-16
 
 
@@ -62,6 +92,7 @@ class Rates:
     staleness: fmpq  # L, 1/s²
     decrease: fmpq  # λ' − J, 1/s
     inner: fmpq  # β̲, or γ where that is larger
+    horizon: fmpq = MOST  # s from what was measured on in which the bounds hold
 
 
 @dataclass(frozen=True)
@@ -95,7 +126,9 @@ class Robustness:
     pose_level: fmpq
     joint: Absorbed
     joint_level: fmpq
-    rates: tuple[Rates, ...]  # of each distinct segment
+    rates: tuple[Rates, ...]  # of each distinct segment, or of each band of a tube's speeds
+    bands: tuple[tuple[fmpq, fmpq], ...] = ()  # of a tube: speeds, m/s
+    by_speed: tuple[Absorbed, ...] = ()  # what is absorbed by itself at the speeds of each band
 
 
 def prove_robustness(
@@ -107,12 +140,16 @@ def prove_robustness(
         Broken, ValueError: says what is not proven.
     """
     problem, course = certificate.problem, certificate.problem.course
-    if not isinstance(course, Course):
-        raise Broken("robustness: of funnels along a path only, not of a tube")
     effort = Budget(MOST_EFFORT)
     # the λ and the shell that the report names, as it prints them, for every funnel
     margin = rational(decimal_text(min(funnel.margin for funnel in certificate.funnels), ROUND_FLOOR))
     shell = rational(decimal_text(max(funnel.beta_lower for funnel in certificate.funnels), ROUND_CEILING))
+    if isinstance(course, TubeClaim):
+        (funnel,), (own,) = certificate.funnels, hints
+        assert funnel.margin_per_metre is not None  # a tube's certificate has it
+        per_metre = rational(decimal_text(funnel.margin_per_metre, ROUND_FLOOR))
+        told = replace(funnel, margin=margin, margin_per_metre=per_metre)
+        return _of_tube(problem, dynamics, course, told, shell, own, effort)
     kinds = zip(problem.distinct, certificate.funnels, _entries(certificate, course), hints, strict=True)
     rates = tuple(
         prove_rates(problem, dynamics, segment, replace(funnel, margin=margin), max(entry, shell), own, effort)
@@ -122,6 +159,30 @@ def prove_robustness(
     return _absorbed(rates)
 
 
+def _of_tube(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    tube: TubeClaim,
+    funnel: FunnelClaim,
+    shell: fmpq,
+    hints: Sequence[HeldStretch],
+    effort: Budget,
+) -> Robustness:
+    """Of the tube's bands of speed, each with hints of its own."""
+    require_tube_structure(dynamics)
+    ends = [stretch.end for stretch in hints]
+    begins = [tube.speed[0], *ends[:-1]]
+    if ends[-1] != tube.speed[1] or any(low >= high for low, high in zip(begins, ends, strict=True) if len(ends) > 1):
+        raise Broken("robustness: the bands of speed do not follow each other up to the tube's highest")
+    bands = tuple(zip(begins, ends, strict=True))
+    rates = tuple(
+        tube_rates(problem, dynamics, tube, funnel, band, shell, stretch.pieces, effort)
+        for band, stretch in zip(bands, hints, strict=True)
+    )
+    by_speed = tuple(_absorbed((one,)).alone for one in rates)
+    return replace(_absorbed(rates), bands=bands, by_speed=by_speed)
+
+
 # --- what follows from the bounds
 
 
@@ -129,7 +190,7 @@ def _absorbed(rates: Sequence[Rates]) -> Robustness:
     size = range(len(rates[0].slopes))
     if any(one.decrease <= 0 for one in rates):
         raise Broken("robustness: the reference jumps by more than the margin makes up for")
-    rising = [_quotient(1 - one.inner, one.rise) for one in rates]
+    rising = [min(_quotient(1 - one.inner, one.rise), one.horizon) for one in rates]
     alone = Absorbed(
         period=min(*rising, *(_quotient(2 * one.decrease, one.bend) for one in rates)),
         disturbance=tuple(min(_quotient(one.decrease, one.gradient[i]) for one in rates) for i in size),
@@ -188,7 +249,8 @@ def kept_level(rates: Rates, amounts: Absorbed) -> fmpq | None:
     norm = _dot(rates.norms, amounts.pose_error)
     omega = 2 * rates.widest * norm + norm * norm
     inside = rates.inner + 2 * omega + (rates.rise + drift) * (amounts.period + amounts.delay)
-    return 1 - omega if spent <= rates.decrease and inside <= 1 else None
+    prompt = amounts.period + amounts.delay <= rates.horizon
+    return 1 - omega if spent <= rates.decrease and inside <= 1 and prompt else None
 
 
 def _dot(first: Sequence[fmpq], second: Sequence[fmpq]) -> fmpq:
@@ -241,14 +303,40 @@ def prove_rates(
         begin = stretch.end
     if begin != segment.duration:
         raise Broken("robustness: the stretches do not end where the segment does")
-    states = range(len(problem.vehicle.states))
+    jumps = [_jump(before, after, found) for before, after in itertools.pairwise(segment.pieces)]
+    return _rates_of(funnel, found, SHARE * funnel.margin - sum(jumps, fmpq(0)), inner)
+
+
+def tube_rates(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    tube: TubeClaim,
+    funnel: FunnelClaim,
+    band: tuple[fmpq, fmpq],
+    inner: fmpq,
+    hints: Sequence[PieceHints],
+    effort: Budget,
+) -> Rates:
+    """Bounds over a tube for what is measured at a speed of the band (m/s), from hints.
+
+    Raises:
+        Broken, ValueError: says what is not proven.
+    """
+    found = _prove_levels(problem, tube_motions(problem, dynamics, tube, funnel, band), hints, effort)
+    assert funnel.margin_per_metre is not None
+    decrease = SHARE * max(funnel.margin, funnel.margin_per_metre * band[0])
+    return replace(_rates_of(funnel, found, decrease, inner), horizon=MOST if _is_even(tube) else HORIZON)
+
+
+def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, inner: fmpq) -> Rates:
+    """The largest of the bounds on all ranges of levels."""
+    states = range(len(found[0].slopes))
     paper = funnel.template == "paper"
     widest = sqrt_upper(max(sizes.level for sizes in found)) if paper else fmpq(1)
     least = fmpq(1) if paper else min(sizes.least_level for sizes in found)
     norms = tuple(sqrt_upper(funnel.shape[i][i] / least) for i in states)
     slopes = tuple(max(sizes.slopes[i] for sizes in found) for i in states)
     speeds = tuple(max(sizes.speeds[i] for sizes in found) for i in states)
-    jumps = [_jump(before, after, found) for before, after in itertools.pairwise(segment.pieces)]
     return Rates(
         rise=max(sizes.rise for sizes in found),
         bend=max(sizes.bend for sizes in found),
@@ -257,7 +345,7 @@ def prove_rates(
         norms=norms,
         widest=widest,
         staleness=_dot(slopes, speeds) + max(sizes.stir for sizes in found),
-        decrease=SHARE * funnel.margin - sum(jumps, fmpq(0)),
+        decrease=decrease,
         inner=inner,
     )
 
@@ -283,13 +371,50 @@ def motions(
     span: tuple[fmpq, fmpq],
 ) -> list[tuple[HeldMotion, Terms]]:
     """What has to be bounded on a stretch of θ, whose parts are given: for each range of levels, without hints yet."""
-    box, slopes = reference_box(parts)
+    return _motions(problem, dynamics, *reference_box(parts), {}, "", funnel, span)
+
+
+def tube_motions(
+    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, band: tuple[fmpq, fmpq]
+) -> list[tuple[HeldMotion, Terms]]:
+    """The same in a tube, for what is measured at a speed of the band (m/s)."""
+    steepest = max(map(abs, tube.acceleration))
+    change = steepest * problem.inputs["u0"][1] * HORIZON
+    speed = max(tube.speed[0], band[0] - change), min(tube.speed[1], band[1] + change)
+    turns = [kappa * v for kappa in tube.curvature for v in speed]
+    box = {TURN_RATE: (min(turns), max(turns)), SPEED: speed, SPEED_SLOPE: tube.acceleration}
+    box[TURN_RATE_SLOPE] = (fmpq(0), fmpq(0))  # no tube's vehicle depends on it
+    slopes = {TURN_RATE: max(map(abs, tube.curvature)) * steepest, SPEED: steepest}  # of what is looked at
+    jumping = (TURN_RATE, tube.curvature), (SPEED_SLOPE, tube.acceleration)
+    asked = {asked_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
+    # V'' at a vertex is that of the mirrored car at the mirrored one
+    mirrored = TURN_RATE if is_mirrored(dynamics, problem.vehicle.states, problem.inputs, funnel.shape, tube) else ""
+    return _motions(problem, dynamics, box, slopes, asked, mirrored, funnel, (fmpq(0), fmpq(0)))
+
+
+def _is_even(tube: TubeClaim) -> bool:
+    """Whether no speed of it ever changes."""
+    return tube.acceleration == (0, 0)
+
+
+def _motions(
+    problem: ProblemClaim,
+    dynamics: Symbolic,
+    box: Mapping[str, tuple[fmpq, fmpq]],
+    slopes: Mapping[str, fmpq],
+    asked: Mapping[str, tuple[fmpq, fmpq]],
+    mirrored: str,
+    funnel: FunnelClaim,
+    span: tuple[fmpq, fmpq],
+) -> list[tuple[HeldMotion, Terms]]:
+    """Of references in a box, with bounds of their slopes; `asked`: what V̇ is looked at, where that is another."""
     states = problem.vehicle.states
     parameters = {f"input:{name}": limits for name, limits in problem.inputs.items()}
     for name, (lower, upper) in box.items():  # what the dynamics do not depend on may have any value
         parameters[name] = (lower, upper if dynamics.depends_on(name) else lower)
     slopes = {name: bound for name, bound in slopes.items() if dynamics.depends_on(name)}
     require_affine(dynamics, parameters)
+    parameters |= {name: ends for name, ends in asked.items() if dynamics.depends_on(name.replace(ASKED, REFERENCE))}
     found = []
     for piece in held_pieces(funnel.template, funnel.rate, span):
         terms = Terms(dynamics, states, parameters, slopes, funnel.shape, piece)
@@ -304,6 +429,7 @@ def motions(
             enclosures={},
             derivatives={},
             degrees=(DEGREES[0], *([DEGREES[1]] * (2 if piece.lower > 0 else 1))),
+            mirrored=mirrored,
         )
         found.append((motion, terms))
     return found
@@ -319,6 +445,12 @@ def _prove_stretch(
     effort: Budget,
 ) -> list[_Sizes]:
     asked = motions(problem, dynamics, between(segment.pieces, *span), funnel, span)
+    return _prove_levels(problem, asked, hints, effort)
+
+
+def _prove_levels(
+    problem: ProblemClaim, asked: Sequence[tuple[HeldMotion, Terms]], hints: Sequence[PieceHints], effort: Budget
+) -> list[_Sizes]:
     if len(asked) != len(hints):
         raise Broken(f"robustness: expected hints for {len(asked)} ranges of levels, got {len(hints)}")
     found = []
@@ -345,7 +477,7 @@ def _prove_sizes(
     swiftness = fmpq(0)
     for vertex in range(len(motion.vertices)):
         here = replace(motion)  # with a budget of its own
-        for order in ORDERS:
+        for order in here.orders(vertex):
             margin, grams = cells[order, vertex]
             shown = here.proven_margin(CellProof(HeldCell(order, vertex), margin, grams))
             margins[order] = max(margins[order], -shown)
@@ -383,8 +515,7 @@ def reference_box(parts: Sequence[Piece]) -> tuple[dict[str, tuple[fmpq, fmpq]],
 def _profile(part: Piece) -> dict[str, Coefficients]:
     """What the dynamics see, by the graph's names, as polynomials."""
     turn, speed = part.turn_rate, part.speed
-    seen = {"turn_rate": turn, "speed": speed, "turn_rate_slope": derivative(turn), "speed_slope": derivative(speed)}
-    return {f"reference:{name}": values for name, values in seen.items()}
+    return {TURN_RATE: turn, SPEED: speed, TURN_RATE_SLOPE: derivative(turn), SPEED_SLOPE: derivative(speed)}
 
 
 def _jump(before: Piece, after: Piece, found: Sequence[_Sizes]) -> fmpq:

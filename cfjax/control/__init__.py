@@ -1,6 +1,6 @@
 """From a funnel to inputs: the laws that a car runs."""
 
-from cfjax.control.law import Descent, Law, LawNumbers, descent_at, law_numbers, path_point
+from cfjax.control.law import Descent, Law, LawNumbers, any_path_numbers, descent_at, law_numbers, path_point
 from cfjax.control.min_norm import MinNorm, nearest_in_box
 from cfjax.control.query import Located, locate
 from cfjax.control.sontag import LinSontag, Sontag
@@ -26,6 +26,7 @@ __all__ = [
     "Located",
     "MinNorm",
     "Sontag",
+    "any_path_numbers",
     "descent_at",
     "law_named",
     "law_numbers",

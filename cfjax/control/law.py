@@ -12,19 +12,23 @@ good at each point of its references, and so there are two kinds of demand:
   every curvature at once, so there is one for this.
 - **any curvature**: the decrease is asked at the end of the tube's curvatures that is worst for V at this deviation.
   V̇ is affine in κ at fixed inputs, so it then holds for every curvature of the interval: also for one that is not
-  known, and for one that jumps while inputs are held. The curvature given only serves the feed-forward.
+  known, and for one that jumps while inputs are held. The curvature given only serves the feed-forward. The same can
+  be asked of the acceleration, which enters alike: then the law needs no more than the speed (`any_path_numbers`).
 """
 
 import abc
 from collections.abc import Sequence
+from functools import reduce
+from itertools import product
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
-from cfjax.problem import Interval, Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
+from cfjax.problem import Interval, Problem, ReferencePoint, Tube, Vehicle, deviation_rate, feedforward
 from cfjax.problem.vehicle import Scalar
 
 
@@ -35,7 +39,7 @@ class LawNumbers(NamedTuple):
     """The numbers of a law in one funnel, as a pytree; `vehicle` and `template` are given beside it.
 
     `curvature` is None where the decrease is asked at the reference's own, else the two ends (1/m) of an interval for
-    all of which it is asked; they may be arrays, one entry per sample.
+    all of which it is asked; they may be arrays, one entry per sample. So is `acceleration` (dv_r/dθ, m/s²).
     """
 
     lower: Float[Array, " m"]  # of the input box (u0, *vehicle inputs)
@@ -47,6 +51,21 @@ class LawNumbers(NamedTuple):
     decrease: Scalar  # λ', 1/s
     decrease_per_metre: Scalar  # 1/m of the reference's way; the larger of the two demands counts
     curvature: tuple[Scalar, Scalar] | None
+    acceleration: tuple[Scalar, Scalar] | None = None
+
+
+def any_path_numbers(problem: Problem, funnel: Funnel, margin: float, margin_per_metre: float) -> LawNumbers:
+    """What is asked of a law that knows only the speed of a path in the problem's tube, margins as in `law_numbers`.
+
+    The decrease holds for every curvature and acceleration of the tube, however they change while inputs are held: it
+    is what a tube's proven control period speaks of.
+    """
+    bounds = problem.path.segments[0]
+    if not isinstance(bounds, Tube):
+        raise InputError(f"path: expected a tube, got {problem.path.name}")
+    numbers = law_numbers(problem, funnel, margin, margin_per_metre, bounds.curvature)
+    ends = bounds.acceleration.lower, bounds.acceleration.upper
+    return numbers._replace(acceleration=(jnp.asarray(ends[0], float), jnp.asarray(ends[1], float)))
 
 
 def law_numbers(
@@ -131,10 +150,15 @@ def descent_at(
     drift = value_rate((0.0,) * count)
     units = [tuple(float(i == j) for j in range(count)) for i in range(count)]
     slopes = [value_rate(unit) - drift for unit in units]
-    if numbers.curvature is not None:
-        # κ multiplies u0 > 0 alone: the worse end is the one with the larger coefficient of u0
-        ends = [reference._replace(turn_rate=kappa * reference.speed) for kappa in numbers.curvature]
-        slopes[0] = jnp.maximum(*(value_rate(units[0], end) for end in ends)) - drift
+    if numbers.curvature is not None or numbers.acceleration is not None:
+        # κ and a multiply u0 > 0 alone: the worst ends are those with the largest coefficient of u0
+        turns = [kappa * reference.speed for kappa in numbers.curvature or ()] or [reference.turn_rate]
+        slopes_of_speed = numbers.acceleration or (reference.speed_slope,)
+        ends = [
+            ReferencePoint(*jnp.broadcast_arrays(turn, reference.speed, reference.turn_rate_slope, slope))
+            for turn, slope in product(turns, slopes_of_speed)
+        ]
+        slopes[0] = reduce(jnp.maximum, (value_rate(units[0], end) for end in ends)) - drift
     slopes[0] = slopes[0] + demand * scale * template.timing(numbers.rate, q)
     rest = feedforward(vehicle, reference)
     centre = tuple(jnp.clip(value, numbers.lower[i], numbers.upper[i]) for i, value in enumerate(rest))

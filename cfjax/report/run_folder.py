@@ -173,6 +173,10 @@ def _amounts(proven: Proven) -> Robustness:
         pose_level=float_below(proven.pose_level),
         together=absorbed(proven.joint),
         level=float_below(proven.joint_level),
+        by_speed=tuple(
+            (float(lower), float(upper), absorbed(own))
+            for (lower, upper), own in zip(proven.bands, proven.by_speed, strict=True)
+        ),
     )
 
 
@@ -352,7 +356,10 @@ def _robustness_json(problem: Problem, robustness: Robustness) -> dict[str, Any]
 
     together = absorbed(robustness.together) | {"level": robustness.level}
     alone = absorbed(robustness.alone) | {"pose_level": robustness.pose_level}
-    return {"law_share": float_below(SHARE), **alone, "jointly": together}
+    content = {"law_share": float_below(SHARE), **alone, "jointly": together}
+    if robustness.by_speed:
+        content["by_speed"] = [{"speed": [lower, upper], **absorbed(own)} for lower, upper, own in robustness.by_speed]
+    return content
 
 
 def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
@@ -462,7 +469,8 @@ def _robustness_of(data: dict[str, Any] | None) -> Robustness | None:
             own["period"], tuple(own["disturbance"].values()), tuple(own["pose_error"].values()), own["delay"]
         )
 
-    return Robustness(absorbed(data), data["pose_level"], absorbed(data["jointly"]), data["jointly"]["level"])
+    bands = tuple((*own["speed"], absorbed(own)) for own in data.get("by_speed", ()))
+    return Robustness(absorbed(data), data["pose_level"], absorbed(data["jointly"]), data["jointly"]["level"], bands)
 
 
 def _segment_of(data: dict[str, Any]) -> SegmentResult:

@@ -127,7 +127,11 @@ def test_a_tube_ends_certified(command: Command, tmp_path: Path) -> None:
     assert "along every path" in checked.stdout
     assert "whose curvature, which may jump, lies in [-1.8, 1.8] 1/m" in checked.stdout
     assert "from V = 1 inside V <= 0.5 within" in checked.stdout
+    assert "whatever curvature and acceleration do meanwhile" in checked.stdout
     again = read_run(folder)
+    assert again.robustness is not None and result["robustness"]["period"] == again.robustness.alone.period > 1e-4
+    assert [band["speed"] for band in result["robustness"]["by_speed"]] == [[1.0, 2.0]]
+    assert again.robustness.by_speed[0][2] == again.robustness.alone
     assert again.verdict is Verdict.CERTIFIED
     assert again.segments[0].margin_per_metre == segment["margin_per_metre"]
     assert again.segments[0].funnel.inner == 0.5

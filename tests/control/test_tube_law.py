@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cfjax.control import MinNorm, law_numbers, path_point
+from cfjax.control import MinNorm, any_path_numbers, law_numbers, path_point
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import (
     Interval,
@@ -86,6 +86,19 @@ def test_law_for_any_curvature_decreases_at_all_of_them(told: str) -> None:
     assert (np.asarray(growth(x, u, 1.5 * TUBE.curvature.upper + 0 * v, v, a)) > demand(x, v)).any()
     known = act(x, kappa, v, a, False)
     assert (np.asarray(growth(x, known, TUBE.curvature.upper + 0 * v, v, a)) > 0).any()
+
+
+def test_law_for_any_path_decreases_at_all_accelerations_too() -> None:
+    x, _, v, _ = samples(5000, 0.1, 1.0, seed=3)
+    law = any_path_numbers(PROBLEM, FUNNEL, MARGIN, PER_METRE)
+    point = path_point(0 * v, v)  # nothing but the speed is told
+    u = jnp.stack(MinNorm()(PROBLEM.vehicle, FUNNEL.template, law, point, 0.0, tuple(x.T)))
+    for kappa in (TUBE.curvature.lower, 0.3, TUBE.curvature.upper):
+        for a in np.linspace(TUBE.acceleration.lower, TUBE.acceleration.upper, 5):
+            assert (np.asarray(growth(x, u, kappa + 0 * v, v, a + 0 * v)) - demand(x, v)).max() < 1e-9
+    assert (np.asarray(growth(x, u, 0 * v, v, 2 * TUBE.acceleration.upper + 0 * v)) > demand(x, v)).any()
+    told = act(x, 0 * v, v, 0 * v, True)  # the law that is told the acceleration is none of them
+    assert (np.asarray(growth(x, told, 0 * v, v, TUBE.acceleration.upper + 0 * v)) > demand(x, v)).any()
 
 
 def test_demands_of_time_and_way_are_both_met_and_the_larger_counts() -> None:
