@@ -362,7 +362,7 @@ def _hold(
     step: Array,
     tolerance: Array | None,
 ) -> tuple[Array, Array, Array]:
-    """The plant's state after a part of a hold, from `span[0]` to `span[1]` s of it.
+    """The plant's state after a part of a hold, from `span[0]` to `span[1]` s of it; NaN where there is none.
 
     With the time that this took, and whether it ended because the car left S.
     """
@@ -372,8 +372,13 @@ def _hold(
         x = world.track.deviation(place, plant.observe(z))
         return x, Scene(place.pose[0], world.track.gradient(place, x))
 
-    def rate(time: Any, z: Array, _: None) -> Array:
+    def true_rate(time: Any, z: Array) -> Array:
         return plant.rate(z, held.command, draw, scene(time, z)[1])
+
+    def rate(time: Any, z: Array, _: None) -> Array:
+        # adaptive steps would shrink for ever around a rate that is no number: the plant stays there, and is found there
+        told = true_rate(time, z)
+        return jnp.where(jnp.all(jnp.isfinite(told)), told, 0.0)
 
     def outside(t: Any, y: Array, args: None, **_: Any) -> Array:
         # a car that began outside is not stopped
@@ -397,7 +402,9 @@ def _hold(
         throw=False,  # what became of a car is seen from its state
     )
     assert found.ys is not None and found.ts is not None
-    return found.ys[-1], found.ts[-1] - span[0], diffrax.is_event(found.result)
+    after, until, left = found.ys[-1], found.ts[-1], diffrax.is_event(found.result)
+    solved = (diffrax.is_successful(found.result) | left) & jnp.all(jnp.isfinite(true_rate(until, after)))
+    return jnp.where(solved, after, jnp.nan), until - span[0], left & solved
 
 
 @eqx.filter_jit
@@ -542,12 +549,14 @@ def _summary(
     used = 1 + int(np.argmax((every.clock >= every.clock[-1:]).all(axis=1)))
     kept = Record(*(values[:used] for values in every))
     time = np.where(end > 0, end, 1.0)
+    with np.errstate(over="ignore"):  # a car that fails may have been very far away
+        in_goal = arrived & (((deviation / np.asarray(world.track.goal)) ** 2).sum(axis=1) < 1)
     return SampledLoop(
         starts=states,
         theta=begins,
         start_value=start_value,
         arrived=arrived,
-        in_goal=arrived & (((deviation / np.asarray(world.track.goal)) ** 2).sum(axis=1) < 1),
+        in_goal=in_goal,
         time=end,
         largest_value=np.asarray(cars.largest_value),
         left_funnel=np.asarray(cars.left_funnel),

@@ -205,6 +205,24 @@ def test_a_plant_that_breaks_ends_the_drive_and_nothing_else() -> None:
     assert np.isfinite(loop.largest_value).all() and (loop.time == 0).all()
 
 
+class Breaking(Model):
+    """Beyond |y| = 0.6 m its rates are no numbers, or its speed grows to infinity in no time."""
+
+    how: str = eqx.field(static=True, default="nan")
+
+    def rate(self, z, command, draw, scene):
+        own = super().rate(z, command, draw, scene)
+        bad = jnp.full(4, jnp.nan) if self.how == "nan" else own.at[3].set(50 * z[3] ** 3)
+        return jnp.where(jnp.abs(z[2]) > 0.6, bad, own)
+
+
+@pytest.mark.parametrize(("how", "tolerance"), [("nan", 1e-6), ("explodes", None), ("explodes", 1e-6)])
+def test_a_plant_that_breaks_on_the_way_has_failed(how: str, tolerance: float | None) -> None:
+    loop = drive(Breaking(lap()[0].vehicle, how), tolerance=tolerance, stop=False)
+    assert loop.failed.all() and not loop.success.any() and not loop.arrived.any()
+    assert (loop.time < 2.0).all() and np.isfinite(loop.time).all()
+
+
 def test_laps_go_on_and_cars_before_the_line_have_to_cross_it() -> None:
     problem, legs, track = lap()
     duration = float(track.duration)
