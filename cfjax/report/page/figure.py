@@ -61,6 +61,7 @@ def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
         "plot_bgcolor": "rgba(0,0,0,0)",
         "margin": {"l": 58, "r": 14, "t": 10, "b": 48},
         "hovermode": "closest",
+        "showlegend": True,
         "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "font": {"size": 12}},
         "xaxis": axis(x),
         "yaxis": axis(y),

@@ -79,7 +79,7 @@ def value_figure(result: Result, cars: list[Car]) -> Figure:
             "bgcolor": "rgba(255,255,255,.8)",
         }
     ]
-    return Figure("values", "V along the way of the cars", traces, own)
+    return Figure("values", "V along the way of the cars", [{**trace, "showlegend": False} for trace in traces], own)
 
 
 def input_figure(result: Result, cars: list[Car]) -> Figure:
@@ -154,20 +154,23 @@ def section_figure(result: Result) -> Figure:
     pairs = ((1, 2), (1, 0), (2, min(3, len(names) - 1)))
     own = layout("", "")
     traces: list[Trace] = []
-    sets = ((np.diag(np.square(problem.inlet.half_axes)), INLET_COLOUR, "inlet I"),)
-    sets += ((np.diag(np.square(problem.goal.half_axes)), GOAL_COLOUR, "goal G"),)
+    sets = (
+        (np.diag(np.square(problem.goal.half_axes)), GOAL_COLOUR, "goal G"),
+        (np.diag(np.square(problem.inlet.half_axes)), INLET_COLOUR, "inlet I"),
+    )
     share = 1.0 / len(pairs)
     for k, (i, j) in enumerate(pairs):
         number = "" if k == 0 else str(k + 1)
         begin = k * share
         own[f"xaxis{number}"] = axis(
-            state_label(names[i]), domain=[begin + (0.07 if k else 0), begin + share], anchor=f"y{number}", nticks=5
+            state_label(names[i]), domain=[begin + 0.045 * k, begin + share - 0.045 * (2 - k)], anchor=f"y{number}", nticks=5
         )
         own[f"yaxis{number}"] = axis(state_label(names[j]), anchor=f"x{number}", nticks=6)
-        for spread, colour, name in ((inverse, EDGE_COLOUR, "V = 1 at θ = 0"), *sets):
+        for spread, colour, name in ((inverse, EDGE_COLOUR, "V = 1"), *sets):
             outline = ellipse_outline(spread[np.ix_((i, j), (i, j))])
             fill = {"fill": "toself", "fillcolor": FUNNEL_COLOUR} if colour == EDGE_COLOUR else {}
-            shadow = line(*outline, name, colour, 2, **fill, hoverinfo="skip", showlegend=not k)
+            dash = "dash" if name.startswith("inlet") else "solid"
+            shadow = line(*outline, name, colour, 2, dash, **fill, hoverinfo="skip", showlegend=not k)
             traces.append({**shadow, "xaxis": f"x{number}", "yaxis": f"y{number}", "legendgroup": name})
     return Figure("sections", "Shadows of the funnel, of I and of G on pairs of states", traces, own)
 

@@ -4,6 +4,7 @@ const touch = matchMedia("(pointer: coarse)").matches;
 const settings = {
   responsive: true,
   displaylogo: false,
+  displayModeBar: touch ? false : "hover",
   plotlyServerURL: "",
   modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "resetCameraLastSave3d", "hoverClosest3d"],
 };
@@ -22,6 +23,9 @@ function draw(name, view) {
   const {traces, layout, views} = figures[name];
   const shown = structuredClone(layout);
   if (!shown.scene && touch) shown.dragmode = false; // a finger scrolls the page
+  if (shown.scene && place.clientWidth < 560) {
+    for (const axis of "xyz") shown.scene.camera.eye[axis] *= 1.18; // all of it, beside less room
+  }
   if (view) shown.scene.zaxis.title.text = views.find((each) => each[0] === view)[2];
   if (name === "sections" && place.clientWidth < 560) stack(shown);
   return Plotly.react(place, traces.map((trace) => raised(trace, view)), shown, settings);

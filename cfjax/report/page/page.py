@@ -69,7 +69,7 @@ def page_of(result: Result, config: str, known: dict[str, str]) -> str:
         worst=tables.worst_points(result) if result.worst_points else None,
         extremes=tables.extremes(result, [car.inputs for car in cars]) if cars else None,
         shown=len(cars),
-        loop=asdict(result.closed_loop) if result.closed_loop else None,
+        driven=asdict(result.closed_loop) if result.closed_loop else None,
         absorbed=tables.absorbed(result) if result.robustness else None,
         seconds=tables.seconds(result),
         total=result.seconds.get("total"),

@@ -27,9 +27,12 @@ from cfjax.report.tube_plot import SHOWN_WAY, most_winding
 from cfjax.result import Result
 
 
-ROWS, CORNERS = 300, 32  # of the surface, over all funnels; of an ellipse
+ROWS, CORNERS = 300, 32  # of the surface, over all funnels, at most; of an ellipse
+FEWEST_ROWS = 8  # of a funnel
 SHOWN_CARS = 10
+ROW_WIDTH = 0.8  # m: between rows on a straight line a tenth of it
 RINGS = 14  # at most, that show the shape
+LONG, THIN = 60.0, 0.4  # in half-widths of the funnel: paths that long have lines so much thinner
 LEAST_SHARE = 0.3  # of the longer side on the plane that the shorter one is drawn with
 BLUES = [[0.0, "#e3eef9"], [0.5, "#a9cbe8"], [1.0, EDGE_COLOUR]]
 
@@ -48,7 +51,9 @@ def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
     traces: list[Trace] = []
     rows, thetas, rings, ring_thetas = [], [], [], []
     for (begin, end), found in zip(spans, result.segments, strict=True):
-        count = max(8, round(ROWS * (end - begin) / total))
+        # no more than it takes: where many transparent strips lie over each other they show
+        theta = course.between(begin, end, ROW_WIDTH, ROWS)
+        count = min(len(theta), max(FEWEST_ROWS, round(ROWS * (end - begin) / total)))
         theta = np.linspace(begin, end, count)
         outlines = shadows(found.funnel, theta - begin, course(theta))[:, :: 96 // CORNERS]
         outlines = np.concatenate([outlines, outlines[:, :1]], axis=1)
@@ -73,7 +78,9 @@ def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
             if isinstance(part, shapely.Polygon) and not part.is_empty:
                 ring = np.asarray(part.exterior.coords)
                 traces.append(_wall(ring, heights(np.array([0.0, total]))))
-    traces += _ways(cars, guide)
+    reach = max((found.funnel.half_widths()[1:3].max() for found in result.segments), default=1.0)
+    thin = THIN if max(x1 - x0, y1 - y0) > LONG * reach else 1.0
+    traces += _ways(cars, guide, thin)
     if result.failed_at is not None:
         theta = np.linspace(*result.failed_at, 40)
         line = _curve(course(theta)[:, 1:], heights(theta), "here the proof failed", FAILED_COLOUR, 10)
@@ -91,7 +98,7 @@ def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
                 "marker": {"symbol": "diamond", "size": 5, "color": FAILED_COLOUR, "line": {"color": "white", "width": 1}},
             }
         )
-    whose = "" if guide is None else f" of car {guide.number}"
+    whose = " at u₀ = 1" if guide is None else f" of car {guide.number}"
     views = (
         ("theta", "x, y, θ", "reference time θ (s)"),
         ("time", "x, y, time", f"time t{whose} (s)"),
@@ -197,7 +204,7 @@ def _rings(rings: list[np.ndarray], heights: dict[str, list[Any]], colour: str, 
     return {**_curve(corners, heights, name, colour, width), "hoverinfo": "skip", "showlegend": bool(name)}
 
 
-def _ways(cars: list[Car], guide: Car | None) -> list[Trace]:
+def _ways(cars: list[Car], guide: Car | None, thin: float) -> list[Trace]:
     shown = cars[:SHOWN_CARS]
     if guide is not None and guide not in shown:
         shown = [*shown[:-1], guide]
@@ -205,7 +212,7 @@ def _ways(cars: list[Car], guide: Car | None) -> list[Trace]:
     for k, car in enumerate(shown):
         heights = {"theta": rounded(car.along), "time": rounded(car.clock)}
         bold = car is guide
-        way = _curve(car.place, heights, f"car {car.number}" if bold else "cars", car.colour, 6 if bold else 2.5)
+        way = _curve(car.place, heights, f"car {car.number}" if bold else "cars", car.colour, thin * (6 if bold else 2.5))
         first = k == next((i for i, other in enumerate(shown) if other is not guide), 0)
         traces.append({**way, "legendgroup": "guide" if bold else "cars", "showlegend": bold or first})
     return traces

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cfjax.problem import Disc
-from cfjax.report.page.terms import input_label, state_label
+from cfjax.report.page.terms import input_label, short_label
 from cfjax.report.run_folder import numbers_of
 from cfjax.result import Result
 from cfjax.verdict import Verdict
@@ -46,8 +46,8 @@ def number(value: float | None, digits: int = 4) -> str:
 def account(result: Result) -> list[str]:
     """The message in paragraphs: a sentence that begins with a new subject begins a new one."""
     text = result.message
-    for start in (" Deviations (", " From every start", " under any law", " Tubes in turn", " Inputs that do so"):
-        text = text.replace("." + start, ".\n" + start.strip()) if start[1].isupper() else text
+    for start in ("Deviations (", "From every start", "Tubes in turn", "Inputs that do so", "A law whose", "All at once"):
+        text = text.replace(f". {start}", f".\n{start}")
     return text.split("\n")
 
 
@@ -55,8 +55,10 @@ def facts(result: Result) -> list[Fact]:
     """The figures that people look for first."""
     found = [
         Fact(number(result.margin_certified), "1/s", "margin λ, certified"),
-        Fact(number(result.margin_falsified), "1/s", "margin λ, falsified"),
     ]
+    falsified = result.margin_falsified
+    if falsified is not None and math.isfinite(falsified):  # tubes that came with the package are not searched again
+        found.append(Fact(number(falsified), "1/s", "margin λ, falsified"))
     if result.margin_certified is None:
         found[0] = Fact("none", "", "margin λ, certified")
     per_metre = [each.margin_per_metre for each in result.segments if each.margin_per_metre is not None]
@@ -64,14 +66,13 @@ def facts(result: Result) -> list[Fact]:
         found.append(Fact(number(min(per_metre)), "1/m", "margin per metre, certified"))
     if (loop := result.closed_loop) is not None:
         lost = loop.left_funnel + loop.left_safe + loop.missed_goal
-        found.append(Fact(f"{loop.cars:,}".replace(",", " "), "cars", "none of them lost" if not lost else f"{lost} failures"))
-        found.append(Fact(number(loop.largest_value), "", "largest V of all cars"))
+        found.append(Fact(f"{loop.cars:,}".replace(",", " "), "cars", "driven, none lost" if not lost else f"driven, {lost} failures"))
         if loop.arrival:
             ends = " to ".join(number(each, 3) for each in loop.arrival)
             found.append(Fact(ends, "s", "cars arrived after"))
     if result.robustness is not None:
         period = result.robustness.alone.period
-        found.append(Fact(number(1e3 * period, 3), "ms", "inputs may be held, proven"))
+        found.append(Fact(number(1e3 * period, 3), "ms", "inputs held, proven"))
     if "total" in result.seconds:
         found.append(Fact(number(result.seconds["total"], 3), "s", "for all of it"))
     return found
@@ -121,7 +122,7 @@ def funnels(result: Result) -> tuple[tuple[str, ...], Rows]:
     """Head and rows: each funnel, its margins and half-widths."""
     states = result.problem.vehicle.state_names
     held = any(found.span for found in result.segments)
-    head = ("", "θ (s)", "certified (1/s)", "falsified (1/s)", *(f"± {state_label(name)}" for name in states))
+    head = ("", "θ (s)", "certified (1/s)", "falsified (1/s)", *(f"± {short_label(name)}" for name in states))
     rows, since = [], 0.0
     for index, found in enumerate(result.segments):
         begin, end = found.span or (since, since + found.funnel.duration)
@@ -136,7 +137,7 @@ def funnels(result: Result) -> tuple[tuple[str, ...], Rows]:
 def worst_points(result: Result) -> tuple[tuple[str, ...], Rows]:
     """Head and rows: the falsifier's worst points, the tightest first."""
     states = result.problem.vehicle.state_names
-    head = ("condition", "slack", "segment", "θ (s)", *(state_label(name) for name in states))
+    head = ("condition", "slack", "segment", "θ (s)", *(short_label(name) for name in states))
     rows: Rows = []
     for point in sorted(result.worst_points, key=lambda point: (point.segment, point.condition)):
         slack = number(point.slack) + (" 1/s" if point.condition == "d" else "")
@@ -164,9 +165,9 @@ def absorbed(result: Result) -> tuple[tuple[str, ...], Rows]:
     rows: Rows = [("inputs held for (ms)", number(1e3 * alone.period, 3), number(1e3 * joint.period, 3))]
     rows.append(("data old by (ms)", number(1e3 * alone.delay, 3), number(1e3 * joint.delay, 3)))
     for name, one, other in zip(states, alone.disturbance, joint.disturbance, strict=True):
-        rows.append((f"rate of {name} off by, a second", number(one, 3), number(other, 3)))
+        rows.append((f"rate off by, a second: {short_label(name)}", number(one, 3), number(other, 3)))
     for name, one, other in zip(states, alone.pose_error, joint.pose_error, strict=True):
-        rows.append((f"pose's {name} off by", number(one, 3), number(other, 3)))
+        rows.append((f"pose off by: {short_label(name)}", number(one, 3), number(other, 3)))
     return ("", "by itself", "all at once"), rows
 
 

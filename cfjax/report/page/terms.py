@@ -1,7 +1,13 @@
 """What states and inputs are called on the page, with their units."""
 
 STATES = {"alpha": "heading α (rad)", "x": "lateral x (m)", "y": "longitudinal y (m)", "v": "speed v (m/s)"}
-INPUTS = {"u0": "timing u₀", "w": "steering w = tan γ", "thrust": "thrust T (m/s²)"}
+SHORT = {"alpha": "α (rad)", "x": "x (m)", "y": "y (m)", "v": "v (m/s)"}
+INPUTS = {"u0": "timing u₀", "w": "steering tan γ", "thrust": "thrust (m/s²)"}
+
+
+def short_label(name: str) -> str:
+    """Of a column: the letter alone."""
+    return SHORT.get(name, name)
 
 
 def state_label(name: str) -> str:
