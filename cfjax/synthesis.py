@@ -223,9 +223,7 @@ class _Search:
             found = [SegmentResult(funnel, learned.margin) for funnel in learned.funnels]
             with self.timed("learn"):
                 worst = [point for kind, funnel in enumerate(learned.funnels) for point in self._worst(kind, funnel)]
-            return Result(
-                Verdict.INCONCLUSIVE, message, self.problem, self._along(found), worst_points=tuple(worst)
-            )
+            return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(found), worst_points=tuple(worst))
         result, aim.suspects = self._certify(learned)
         aim.warm = learned.funnels
         return result

@@ -170,9 +170,7 @@ def run_job(node: "DictConfig") -> "Result | None":
         return None
 
 
-def run(
-    config: "Config", problem: "Problem", options: "Options", folder: Path, command: str | None = None
-) -> "Result":
+def run(config: "Config", problem: "Problem", options: "Options", folder: Path, command: str | None = None) -> "Result":
     """Search, write the run folder, log, and say what came out. Cars are driven when the proof is safe on disk."""
     from cfjax.conf import waypoint_file, yaml_of
     from cfjax.report.page import save_page

@@ -112,7 +112,9 @@ def _draw_margins(axes: "Axes", result: Result) -> None:
     top, bottom = max(0.0, *falsified), min(0.0, *falsified)
     if result.margin_certified is not None:
         proven = [
-            stretch for span, found in zip(spans, result.segments, strict=True) for stretch in stretches_of(found, *span)
+            stretch
+            for span, found in zip(spans, result.segments, strict=True)
+            for stretch in stretches_of(found, *span)
         ]
         steps = [stretch.begin for stretch in proven] + [proven[-1].end]
         heights = [stretch.margin for stretch in proven]

@@ -84,7 +84,15 @@ def write_run(
     """
     refuse_finished(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for leftover in (CERTIFICATE, ROBUSTNESS, REFERENCE, PICTURE, REPORT, CONFIG, WAYPOINTS):  # of a run that was killed
+    for leftover in (
+        CERTIFICATE,
+        ROBUSTNESS,
+        REFERENCE,
+        PICTURE,
+        REPORT,
+        CONFIG,
+        WAYPOINTS,
+    ):  # of a run that was killed
         (folder / leftover).unlink(missing_ok=True)
     begin, before = time.perf_counter(), result.seconds.get("total", 0.0)
     result = _write_certificate(result, folder / CERTIFICATE, check)

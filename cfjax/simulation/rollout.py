@@ -286,7 +286,9 @@ def _inputs(
     theta: Float[Array, " k"],
     x: tuple[Array, ...],
 ) -> Float[Array, "m k"]:
-    return jnp.stack([jnp.broadcast_to(value, theta.shape) for value in law(vehicle, template, numbers, point, theta, x)])
+    return jnp.stack(
+        [jnp.broadcast_to(value, theta.shape) for value in law(vehicle, template, numbers, point, theta, x)]
+    )
 
 
 def inputs_along(

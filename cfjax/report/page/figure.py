@@ -37,7 +37,9 @@ def rounded(values: np.ndarray | Sequence[float]) -> list[Any]:
     largest = float(np.abs(array[finite]).max(initial=0.0))
     places = DIGITS - 1 - math.floor(math.log10(largest)) if largest else 0
     short = np.round(array, int(np.clip(places, 0, 12)))
-    return np.where(finite, short.astype(object), None).tolist()
+    numbers = short.astype(object)
+    numbers[~finite] = None
+    return numbers.tolist()
 
 
 def line(x: Any, y: Any, name: str, colour: str, width: float = 1.5, dash: str = "solid", **more: Any) -> Trace:
@@ -85,14 +87,29 @@ def axis(title: str, **more: Any) -> dict[str, Any]:
 def band(low: float, high: float, colour: str = FUNNEL_COLOUR, y: str = "y") -> dict[str, Any]:
     """A stripe over the whole width, behind the curves."""
     return {
-        **{"type": "rect", "xref": "paper", "x0": 0, "x1": 1, "yref": y, "y0": low, "y1": high},
-        **{"fillcolor": colour, "line": {"width": 0}, "layer": "below", "opacity": 0.6},
+        "type": "rect",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "yref": y,
+        "y0": low,
+        "y1": high,
+        "fillcolor": colour,
+        "line": {"width": 0},
+        "layer": "below",
+        "opacity": 0.6,
     }
 
 
 def level(at: float, colour: str = EDGE_COLOUR, y: str = "y", dash: str = "solid") -> dict[str, Any]:
     """A line over the whole width."""
     return {
-        **{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": y, "y0": at, "y1": at},
+        "type": "line",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "yref": y,
+        "y0": at,
+        "y1": at,
         "line": {"color": colour, "width": 1.3, "dash": dash},
     }

@@ -6,7 +6,7 @@ import shapely
 from cfjax.problem import Interval
 from cfjax.report.along import spans_of, stretches_of
 from cfjax.report.page.cars import Car
-from cfjax.report.page.figure import Figure, Trace, axis, band, layout, level, line, rounded
+from cfjax.report.page.figure import Figure, Trace, axis, band, layout, level, line
 from cfjax.report.page.terms import input_label, state_label
 from cfjax.report.plane import Plane, positions
 from cfjax.report.style import (
@@ -42,7 +42,9 @@ def plane_figure(result: Result, plane: Plane, cars: list[Car]) -> Figure:
     seen = shapely.intersection(shapely.union_all(plane.obstacles), shapely.box(x0, y0, x1, y1))
     if not seen.is_empty:
         traces.append(_region(seen, fine, "obstacle", OBSTACLE_COLOUR, OBSTACLE_COLOUR))
-    traces.append(_outline([plane.line[:: max(1, len(plane.line) // 2000)]], "reference", REFERENCE_COLOUR, 1.3, "dash"))
+    traces.append(
+        _outline([plane.line[:: max(1, len(plane.line) // 2000)]], "reference", REFERENCE_COLOUR, 1.3, "dash")
+    )
     traces += _grouped([(car.place[:, 0], car.place[:, 1], car) for car in cars], "x %{x:.3f} m, y %{y:.3f} m")
     for rings, colour, name in ((plane.inlets, INLET_COLOUR, "inlet"), (plane.outlets[::-1], GOAL_COLOUR, "outlet")):
         if rings:
@@ -51,14 +53,14 @@ def plane_figure(result: Result, plane: Plane, cars: list[Car]) -> Figure:
     if (failed := result.failed_at) is not None:
         place = plane.course(np.linspace(*failed, 60))[:, 1:]
         mark = {"mode": "lines+markers", "marker": {"symbol": "x", "size": 8}} if failed[0] == failed[1] else {}
-        traces.append({**_outline([place], "here the proof failed", FAILED_COLOUR, 5), **mark})
+        traces.append({**_outline([place], "here the proof failed", FAILED_COLOUR, 5.0), **mark})
     worst = [point for point in result.worst_points if point.condition == "d"]
     if worst and not any(found.span for found in result.segments):
         since = np.cumsum([0.0, *(segment.duration for segment in result.problem.path.curve)])
         theta = np.array([since[point.segment] + point.theta for point in worst])
         at = positions(plane.course, theta[:, None], np.array([point.x for point in worst])[:, None])[:, 0]
         marker = {"symbol": "diamond", "size": 10, "color": FAILED_COLOUR, "line": {"color": "white", "width": 1.5}}
-        traces.append({**_outline([at], "worst point of (d)", FAILED_COLOUR, 1), "mode": "markers", "marker": marker})
+        traces.append({**_outline([at], "worst point of (d)", FAILED_COLOUR, 1.0), "mode": "markers", "marker": marker})
     own = layout("x (m)", "y (m)")
     own["xaxis"] |= {"range": [x0, x1], "constrain": "domain"}
     own["yaxis"] |= {"range": [y0, y1], "scaleanchor": "x", "constrain": "domain"}
@@ -74,8 +76,14 @@ def value_figure(result: Result, cars: list[Car]) -> Figure:
     own["shapes"] = [band(funnel.beta_lower, 1.0), level(1.0)]
     own["annotations"] = [
         {
-            **{"xref": "paper", "x": 1, "xanchor": "right", "y": funnel.beta_lower, "yanchor": "top"},
-            **{"text": f"shell V ∈ [{funnel.beta_lower:g}, 1]", "showarrow": False, "font": {"size": 12}},
+            "xref": "paper",
+            "x": 1,
+            "xanchor": "right",
+            "y": funnel.beta_lower,
+            "yanchor": "top",
+            "text": f"shell V ∈ [{funnel.beta_lower:g}, 1]",
+            "showarrow": False,
+            "font": {"size": 12},
             "bgcolor": "rgba(255,255,255,.8)",
         }
     ]
@@ -118,13 +126,24 @@ def margin_figure(result: Result) -> Figure:
     top, bottom = 0.0, 0.0
     if result.margin_certified is not None:
         proven = [
-            stretch for span, found in zip(spans, result.segments, strict=True) for stretch in stretches_of(found, *span)
+            stretch
+            for span, found in zip(spans, result.segments, strict=True)
+            for stretch in stretches_of(found, *span)
         ]
         steps = [end for stretch in proven for end in (stretch.begin, stretch.end)]
         heights = [stretch.margin for stretch in proven for _ in range(2)]
         top = max(heights)
         traces.append(
-            line(steps, heights, "certified", EDGE_COLOUR, 2, fill="tozeroy", fillcolor=FUNNEL_COLOUR, hovertemplate=_AT)
+            line(
+                steps,
+                heights,
+                "certified",
+                EDGE_COLOUR,
+                2.0,
+                fill="tozeroy",
+                fillcolor=FUNNEL_COLOUR,
+                hovertemplate=_AT,
+            )
         )
     falsified = np.array([found.margin_falsified for found in result.segments])
     if np.isfinite(falsified).any():  # tubes that came with the package are not searched again
@@ -139,7 +158,13 @@ def margin_figure(result: Result) -> Figure:
     own["xaxis"] |= {"range": [0.0, spans[-1][1]]}
     own["shapes"] = [level(0.0, "#adb5bd")] if bottom < 0 else []
     if (failed := result.failed_at) is not None:
-        stripe = {**band(0, 1, FAILED_COLOUR, "paper"), "xref": "x", "x0": failed[0], "x1": failed[1], "opacity": 0.3}
+        stripe = {
+            **band(0.0, 1.0, FAILED_COLOUR, "paper"),
+            "xref": "x",
+            "x0": failed[0],
+            "x1": failed[1],
+            "opacity": 0.3,
+        }
         own["shapes"].append({**stripe, "line": {"color": FAILED_COLOUR, "width": 1}})
     return Figure("margins", "The margin along the path, certified and falsified", traces, own)
 
@@ -163,14 +188,17 @@ def section_figure(result: Result) -> Figure:
         number = "" if k == 0 else str(k + 1)
         begin = k * share
         own[f"xaxis{number}"] = axis(
-            state_label(names[i]), domain=[begin + 0.045 * k, begin + share - 0.045 * (2 - k)], anchor=f"y{number}", nticks=5
+            state_label(names[i]),
+            domain=[begin + 0.045 * k, begin + share - 0.045 * (2 - k)],
+            anchor=f"y{number}",
+            nticks=5,
         )
         own[f"yaxis{number}"] = axis(state_label(names[j]), anchor=f"x{number}", nticks=6)
         for spread, colour, name in ((inverse, EDGE_COLOUR, "V = 1"), *sets):
             outline = ellipse_outline(spread[np.ix_((i, j), (i, j))])
             fill = {"fill": "toself", "fillcolor": FUNNEL_COLOUR} if colour == EDGE_COLOUR else {}
             dash = "dash" if name.startswith("inlet") else "solid"
-            shadow = line(*outline, name, colour, 2, dash, **fill, hoverinfo="skip", showlegend=not k)
+            shadow = line(outline[0], outline[1], name, colour, 2.0, dash, **fill, hoverinfo="skip", showlegend=not k)
             traces.append({**shadow, "xaxis": f"x{number}", "yaxis": f"y{number}", "legendgroup": name})
     return Figure("sections", "Shadows of the funnel, of I and of G on pairs of states", traces, own)
 
@@ -201,7 +229,7 @@ def _region(region: shapely.Geometry, fine: float, name: str, fill: str, edge: s
 def _outline(rings: list[np.ndarray], name: str, colour: str, width: float, dash: str = "solid") -> Trace:
     gap = np.full((1, 2), np.nan)
     corners = np.concatenate([part for ring in rings for part in (ring, gap)][:-1])
-    return line(*corners.T, name, colour, width, dash, hoverinfo="skip")
+    return line(corners[:, 0], corners[:, 1], name, colour, width, dash, hoverinfo="skip")
 
 
 def _way_title(result: Result) -> str:
@@ -212,4 +240,3 @@ def _around(box: Interval) -> list[float]:
     """An input's limits and a little more."""
     room = 0.12 * (box.upper - box.lower) or 0.2
     return [box.lower - room, box.upper + room]
-

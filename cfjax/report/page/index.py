@@ -18,16 +18,20 @@ def write_index(sweep: Path) -> Path:
     for row in rows:
         counts[row.verdict] = counts.get(row.verdict, 0) + 1
     margins = [abs(margin) for row in rows for margin in (row.certified, row.falsified) if margin is not None]
-    text = environment().get_template("index.html.j2").render(
-        name=sweep.resolve().name,
-        rows=rows,
-        links={row.job: f"{row.folder}/{REPORT}" for row in rows if (sweep / row.folder / REPORT).exists()},
-        counts=counts,
-        largest=max(margins, default=1.0) or 1.0,
-        paper=any(row.paper for row in rows),
-        number=number,
-        style=text_of("page.css"),
-        own=text_of("index.css"),
+    text = (
+        environment()
+        .get_template("index.html.j2")
+        .render(
+            name=sweep.resolve().name,
+            rows=rows,
+            links={row.job: f"{row.folder}/{REPORT}" for row in rows if (sweep / row.folder / REPORT).exists()},
+            counts=counts,
+            largest=max(margins, default=1.0) or 1.0,
+            paper=any(row.paper for row in rows),
+            number=number,
+            style=text_of("page.css"),
+            own=text_of("index.css"),
+        )
     )
     path = sweep / INDEX
     write_whole(path, text.encode())

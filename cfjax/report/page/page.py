@@ -55,30 +55,35 @@ def page_of(result: Result, config: str, known: dict[str, str]) -> str:
             figures.append(margin_figure(result))
     if cars:
         figures += [value_figure(result, cars), input_figure(result, cars)]
-    return environment().get_template("page.html.j2").render(
-        result=result,
-        verdict=TITLES[result.verdict],
-        tone=result.verdict.value,
-        meaning=tables.MEANING[result.verdict],
-        account=tables.account(result),
-        facts=tables.facts(result),
-        parameters=tables.parameters(result),
-        figures={figure.name: figure for figure in figures},
-        data=_script_json({figure.name: _data(figure) for figure in figures}),
-        funnels=tables.funnels(result) if result.segments else None,
-        worst=tables.worst_points(result) if result.worst_points else None,
-        extremes=tables.extremes(result, [car.inputs for car in cars]) if cars else None,
-        shown=len(cars),
-        driven=asdict(result.closed_loop) if result.closed_loop else None,
-        absorbed=tables.absorbed(result) if result.robustness else None,
-        seconds=tables.seconds(result),
-        total=result.seconds.get("total"),
-        versions=known,
-        config=config,
-        written=time.strftime("%Y-%m-%d %H:%M"),
-        plotly=plotly_script(),
-        style=text_of("page.css"),
-        script=text_of("page.js"),
+    return (
+        environment()
+        .get_template("page.html.j2")
+        .render(
+            result=result,
+            verdict=TITLES[result.verdict],
+            tone=result.verdict.value,
+            meaning=tables.MEANING[result.verdict],
+            account=tables.account(result),
+            facts=tables.facts(result),
+            parameters=tables.parameters(result),
+            figures={figure.name: figure for figure in figures},
+            data=_script_json({figure.name: _data(figure) for figure in figures}),
+            funnels=tables.funnels(result) if result.segments else None,
+            worst=tables.worst_points(result) if result.worst_points else None,
+            extremes=tables.extremes(result, [car.inputs for car in cars]) if cars else None,
+            shown=len(cars),
+            driven=asdict(result.closed_loop) if result.closed_loop else None,
+            absorbed=tables.absorbed(result) if result.robustness else None,
+            rounds=tables.rounds(result) if result.history else None,
+            seconds=tables.seconds(result),
+            total=result.seconds.get("total"),
+            versions=known,
+            config=config,
+            written=time.strftime("%Y-%m-%d %H:%M"),
+            plotly=plotly_script(),
+            style=text_of("page.css"),
+            script=text_of("page.js"),
+        )
     )
 
 

@@ -66,11 +66,11 @@ def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
         surface = np.stack(rows[:-1])
         theta = np.array(thetas[:-1])
         traces.append(_surface(surface, heights(theta), "funnel", theta))
-        traces.append(_rings(rings, heights(_repeated(ring_thetas)), EDGE_COLOUR, 2, ""))
+        traces.append(_rings(rings, heights(_repeated(ring_thetas)), EDGE_COLOUR, 2.0, ""))
         for at, colour, name in ((0, INLET_COLOUR, "inlet"), (-1, GOAL_COLOUR, "outlet")):
-            traces.append(_rings([rings[at]], heights(_repeated([ring_thetas[at]])), colour, 7, name))
+            traces.append(_rings([rings[at]], heights(_repeated([ring_thetas[at]])), colour, 7.0, name))
     theta = np.linspace(0.0, total, ROWS)
-    traces.append(_curve(course(theta)[:, 1:], heights(theta), "reference", REFERENCE_COLOUR, 4, "dash"))
+    traces.append(_curve(course(theta)[:, 1:], heights(theta), "reference", REFERENCE_COLOUR, 4.0, "dash"))
     x0, x1, y0, y1 = plane.view
     for obstacle in plane.obstacles:
         seen = shapely.intersection(obstacle, shapely.box(x0, y0, x1, y1))
@@ -83,7 +83,7 @@ def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
     traces += _ways(cars, guide, thin)
     if result.failed_at is not None:
         theta = np.linspace(*result.failed_at, 40)
-        line = _curve(course(theta)[:, 1:], heights(theta), "here the proof failed", FAILED_COLOUR, 10)
+        line = _curve(course(theta)[:, 1:], heights(theta), "here the proof failed", FAILED_COLOUR, 10.0)
         traces.append(line)
     worst = [point for point in result.worst_points if point.condition == "d"]
     ends = np.concatenate([[0.0], np.cumsum([s.duration for s in result.problem.path.curve])])
@@ -93,9 +93,14 @@ def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
         place = positions(course, theta[:, None], x[:, None])[:, 0]
         traces.append(
             {
-                **_curve(place, heights(theta), "worst point of (d)", FAILED_COLOUR, 1),
+                **_curve(place, heights(theta), "worst point of (d)", FAILED_COLOUR, 1.0),
                 "mode": "markers",
-                "marker": {"symbol": "diamond", "size": 5, "color": FAILED_COLOUR, "line": {"color": "white", "width": 1}},
+                "marker": {
+                    "symbol": "diamond",
+                    "size": 5,
+                    "color": FAILED_COLOUR,
+                    "line": {"color": "white", "width": 1},
+                },
             }
         )
     whose = " at u₀ = 1" if guide is None else f" of car {guide.number}"
@@ -135,12 +140,12 @@ def space_of_tube(result: Result, cars: list[Car]) -> Figure:
     traces = [_surface(outlines, heights(every), "tube", way)]
     shown = np.linspace(0, len(way) - 1, RINGS).round().astype(int)
     repeated = np.repeat(shown, len(outline[0]) + 1)
-    rings = _rings(list(outlines[shown]), heights(repeated), EDGE_COLOUR, 2, "")
+    rings = _rings(list(outlines[shown]), heights(repeated), EDGE_COLOUR, 2.0, "")
     traces.append(rings)
-    traces.append(_curve(poses[:, 1:], heights(every), "one of the paths", REFERENCE_COLOUR, 4, "dash"))
+    traces.append(_curve(poses[:, 1:], heights(every), "one of the paths", REFERENCE_COLOUR, 4.0, "dash"))
     if x is not None:
         place = poses[:, 1:] + np.einsum("tij,tj->ti", turns, x[:, 1:3])
-        traces.append(_curve(place, heights(every), "a car", cars[0].colour, 5))
+        traces.append(_curve(place, heights(every), "a car", cars[0].colour, 5.0))
     views = [("way", "x, y, way", "way of the reference (m)")]
     if clocks is not None:
         views.append(("time", "x, y, time", "time t (s)"))
@@ -179,7 +184,7 @@ def _wall(ring: np.ndarray, heights: dict[str, list[Any]]) -> Trace:
     return {
         **_surface(both, heights, "obstacle", np.zeros(2)),
         "colorscale": [[0, OBSTACLE_COLOUR], [1, OBSTACLE_COLOUR]],
-        "opacity": 0.85,
+        "opacity": 0.3,  # what lies behind it is seen
     }
 
 
@@ -212,7 +217,9 @@ def _ways(cars: list[Car], guide: Car | None, thin: float) -> list[Trace]:
     for k, car in enumerate(shown):
         heights = {"theta": rounded(car.along), "time": rounded(car.clock)}
         bold = car is guide
-        way = _curve(car.place, heights, f"car {car.number}" if bold else "cars", car.colour, thin * (6 if bold else 2.5))
+        way = _curve(
+            car.place, heights, f"car {car.number}" if bold else "cars", car.colour, thin * (6.0 if bold else 2.5)
+        )
         first = k == next((i for i, other in enumerate(shown) if other is not guide), 0)
         traces.append({**way, "legendgroup": "guide" if bold else "cars", "showlegend": bold or first})
     return traces

@@ -15,8 +15,8 @@ from cfjax.verdict import Verdict
 Rows = list[tuple[str, ...]]
 
 MEANING = {
-    Verdict.CERTIFIED: "Proven. The exact checker accepted the certificate as it lies on disk. This is its own account:",
-    Verdict.REFUTED: "Proven to fail. The checker confirms a witness against this candidate; it says nothing of others:",
+    Verdict.CERTIFIED: "Proven. The exact checker accepted the certificate as it lies on disk. Its own account:",
+    Verdict.REFUTED: "Proven to fail. The checker confirms a witness against this candidate; others may do:",
     Verdict.INCONCLUSIVE: "Nothing is proven, neither that this funnel works nor that none exists. What was found:",
     Verdict.SOLVER_FAILED: "Nothing is proven: a numerical solver gave no usable answer. What it said:",
 }
@@ -46,7 +46,14 @@ def number(value: float | None, digits: int = 4) -> str:
 def account(result: Result) -> list[str]:
     """The message in paragraphs: a sentence that begins with a new subject begins a new one."""
     text = result.message
-    for start in ("Deviations (", "From every start", "Tubes in turn", "Inputs that do so", "A law whose", "All at once"):
+    for start in (
+        "Deviations (",
+        "From every start",
+        "Tubes in turn",
+        "Inputs that do so",
+        "A law whose",
+        "All at once",
+    ):
         text = text.replace(f". {start}", f".\n{start}")
     return text.split("\n")
 
@@ -66,7 +73,13 @@ def facts(result: Result) -> list[Fact]:
         found.append(Fact(number(min(per_metre)), "1/m", "margin per metre, certified"))
     if (loop := result.closed_loop) is not None:
         lost = loop.left_funnel + loop.left_safe + loop.missed_goal
-        found.append(Fact(f"{loop.cars:,}".replace(",", " "), "cars", "driven, none lost" if not lost else f"driven, {lost} failures"))
+        found.append(
+            Fact(
+                f"{loop.cars:,}".replace(",", " "),
+                "cars",
+                "driven, none lost" if not lost else f"driven, {lost} failures",
+            )
+        )
         if loop.arrival:
             ends = " to ".join(number(each, 3) for each in loop.arrival)
             found.append(Fact(ends, "s", "cars arrived after"))
@@ -155,6 +168,15 @@ def seconds(result: Result) -> list[tuple[str, str, float]]:
     if rest > 0.005 * total:
         stages.append(("everything else", rest))
     return [(name, f"{value:.2f}", round(100 * min(value / total, 1.0), 1)) for name, value in stages]
+
+
+def rounds(result: Result) -> tuple[tuple[str, ...], Rows]:
+    """Head and rows: the margins after each round of learning and proving."""
+    rows: Rows = [
+        (str(index + 1), number(figures.get("falsified")), number(figures.get("certified") or None))
+        for index, figures in enumerate(result.history)
+    ]
+    return ("round", "falsified (1/s)", "certified (1/s)"), rows
 
 
 def absorbed(result: Result) -> tuple[tuple[str, ...], Rows]:
