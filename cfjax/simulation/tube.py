@@ -226,9 +226,9 @@ def drive_tube(
         kept = jax.tree.map(lambda now: now[::stride], (imposed, seen, cars.theta, cars.x))
         told = moving.numbers._replace(curvature=kept[0])
         inputs = MinNorm()(vehicle, template, told, *kept[1:])
-        record = jax.tree.map(lambda now: now[::stride], (cars.clock, cars.theta, cars.x, actual))
+        record = jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, actual, ()))
         carry = after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))
-        return carry, Record(*record, inputs)
+        return carry, record._replace(inputs=inputs)
 
     cars = start(template, loop, starts)
     (cars, _, worst_goal), history = jax.lax.scan(step, (cars, paths, goal_share(cars.x)), jnp.arange(steps))
