@@ -39,6 +39,20 @@ class SegmentResult:
     stretches: tuple[StretchMargin, ...] = ()  # proven along θ, which covers the segment; none for a tube
 
 
+class WorstPlace(NamedTuple):
+    """Where the falsifier saw a condition closest to failing, or failing: a deviation from a segment's reference.
+
+    `slack` is positive where the condition holds: for (d) the margin λ in 1/s, else dimensionless, as
+    `cfjax.falsifier.WorstPoint` has it. Of segments that are alike it is the first.
+    """
+
+    segment: int  # of the path, from 0
+    condition: str  # "a", "b", "c" or "d"
+    slack: float
+    theta: float  # s of the segment; says nothing in a tube
+    x: tuple[float, ...]  # deviation, in the units of the states
+
+
 @dataclass(frozen=True)
 class ClosedLoop:
     """Cars driven through the funnel under the certified law; counts of what must not happen, and what was seen."""
@@ -83,7 +97,8 @@ class Rollouts:
     """Recorded cars: clock and θ (s), deviations, and V; axes (time, car[, state]). Arrived cars stay at θ = T.
 
     θ counts along the whole path, over all its segments; V is that of the funnel in which the car is.
-    In a tube every car has a path of its own, and `reference` is the pose on it: heading in rad, position in m.
+    In a tube every car has a path of its own, and `reference` is the pose on it: heading in rad, position in m; there
+    `inputs` are recorded too, which along a path follow from the law (`cfjax.simulation.inputs_along`).
     """
 
     clock: Float[np.ndarray, "t k"]
@@ -91,6 +106,7 @@ class Rollouts:
     x: Float[np.ndarray, "t k n"]
     value: Float[np.ndarray, "t k"]
     reference: Float[np.ndarray, "t k 3"] | None = None
+    inputs: Float[np.ndarray, "t k m"] | None = None  # (u0, *vehicle inputs)
 
 
 @dataclass(frozen=True)
@@ -110,6 +126,8 @@ class Result:
     search: dict[str, Any] = field(default_factory=dict)  # how the learner went about it: its own figures
     document: dict[str, Any] | None = None  # certificate.json, where there is one
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place stopped the proof
+    worst_points: tuple[WorstPlace, ...] = ()  # of the falsifier; none of tubes that came with the package
+    command: str | None = None  # of the shell, that asked for it; None where Python did
 
     @property
     def margin_certified(self) -> float | None:

@@ -18,7 +18,7 @@ from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for, learn_polytope
 from cfjax.options import Options, Progress, check_question
 from cfjax.problem import Path, Problem
-from cfjax.result import Result, SegmentResult
+from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
 from cfjax.verdict import Verdict
@@ -221,7 +221,9 @@ class _Search:
         if learned.margin <= 0:
             message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
             found = [SegmentResult(funnel, learned.margin) for funnel in learned.funnels]
-            return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(found))
+            with self.timed("learn"):
+                worst = [point for kind, funnel in enumerate(learned.funnels) for point in self._worst(kind, funnel)]
+            return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(found), worst_points=tuple(worst))
         result, aim.suspects = self._certify(learned)
         aim.warm = learned.funnels
         return result
@@ -282,10 +284,11 @@ class _Search:
             wanted = self.options.objective.margin
             target = share * learned.margin if wanted is None else min(wanted, learned.margin)
             found = certify(self.problem, learned.funnels, target=target, progress=self.progress, workers=_cores())
-        results, suspects = [], list(found.suspects)
+        results, suspects, places = [], list(found.suspects), []
         with self.timed("learn"):
-            for kind, (segment, funnel) in enumerate(zip(distinct, found.funnels, strict=True)):
-                points = falsify(self.problem, segment, funnel, seed=self.options.seed)
+            for kind, funnel in enumerate(found.funnels):
+                points = self._worst(kind, funnel)
+                places += points
                 worst = next(point for point in points if point.condition == "d")
                 suspects.append(Suspect(kind, worst.theta, worst.x))
                 results.append(SegmentResult(funnel, worst.slack))
@@ -309,7 +312,13 @@ class _Search:
             ]
         segments = self._along(results)
         result = Result(found.verdict, found.message, self.problem, segments, document=found.document)
-        return result.replace(failed_at=found.failed_at), tuple(suspects)
+        return result.replace(failed_at=found.failed_at, worst_points=tuple(places)), tuple(suspects)
+
+    def _worst(self, kind: int, funnel: Funnel) -> list[WorstPlace]:
+        """The falsifier's points against a funnel of a distinct segment, at the first such segment of the path."""
+        points = falsify(self.problem, self.problem.path.distinct[kind], funnel, seed=self.options.seed)
+        first = self.problem.path.kinds.index(kind)
+        return [WorstPlace(first, point.condition, point.slack, point.theta, point.x) for point in points]
 
     def _along(self, results: Sequence[SegmentResult]) -> tuple[SegmentResult, ...]:
         """Those of the distinct segments, segment by segment of the path."""

@@ -13,6 +13,7 @@ Nothing heavy is imported before `main` has set up the environment: JAX reads it
 
 import math
 import os
+import shlex
 import sys
 import traceback
 from contextlib import suppress
@@ -154,7 +155,9 @@ def run_job(node: "DictConfig") -> "Result | None":
     context = HydraConfig.get()
     folder = Path(context.runtime.output_dir)
     try:
-        return run(*_question(node, Path(context.runtime.cwd)), folder)
+        given = context.overrides.task if context.mode == RunMode.MULTIRUN else sys.argv[1:]
+        command = shlex.join(["python", "-m", "cfjax.train", *given])
+        return run(*_question(node, Path(context.runtime.cwd)), folder, command)
     except Exception as error:
         if context.mode != RunMode.MULTIRUN:
             raise
@@ -167,9 +170,10 @@ def run_job(node: "DictConfig") -> "Result | None":
         return None
 
 
-def run(config: "Config", problem: "Problem", options: "Options", folder: Path) -> "Result":
+def run(config: "Config", problem: "Problem", options: "Options", folder: Path, command: str | None = None) -> "Result":
     """Search, write the run folder, log, and say what came out. Cars are driven when the proof is safe on disk."""
     from cfjax.conf import waypoint_file, yaml_of
+    from cfjax.report.page import save_page
     from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import refuse_finished, write_run
@@ -179,7 +183,7 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
     with progress_on() as progress:
-        result = search(problem, options, progress)
+        result = search(problem, options, progress).replace(command=command)
         result = write_run(
             result,
             folder,
@@ -188,6 +192,7 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path) 
             harden=lambda proven: harden(proven, options, progress),
             drive=lambda proven: drive(proven, options, progress),
             points=points,
+            page=save_page,
         )
     if config.logger == "wandb":
         track(result, config, folder)

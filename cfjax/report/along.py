@@ -112,7 +112,9 @@ def _draw_margins(axes: "Axes", result: Result) -> None:
     top, bottom = max(0.0, *falsified), min(0.0, *falsified)
     if result.margin_certified is not None:
         proven = [
-            stretch for span, found in zip(spans, result.segments, strict=True) for stretch in _stretches(found, *span)
+            stretch
+            for span, found in zip(spans, result.segments, strict=True)
+            for stretch in stretches_of(found, *span)
         ]
         steps = [stretch.begin for stretch in proven] + [proven[-1].end]
         heights = [stretch.margin for stretch in proven]
@@ -130,7 +132,7 @@ def _draw_margins(axes: "Axes", result: Result) -> None:
     axes.legend(fontsize=7.5, ncols=2, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0, handlelength=1.6)
 
 
-def _stretches(found: SegmentResult, begin: float, end: float) -> list[StretchMargin]:
+def stretches_of(found: SegmentResult, begin: float, end: float) -> list[StretchMargin]:
     """What is proven along a funnel, θ along the whole path; in one piece where the stretches are not known."""
     if not found.stretches:
         return [StretchMargin(begin, end, found.margin_certified or 0.0)]

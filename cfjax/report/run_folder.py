@@ -4,6 +4,7 @@
     robustness.json    hints for what its funnels absorb, where that is proven
     reference.csv      samples of the path
     funnel.png         the picture
+    report.html        the page that shows all of it
     config.yaml        the question as it was configured
     waypoints.csv      the points that it speaks of, where the path goes through points of a file
     result.json        verdict and figures; written last: a folder that has it is complete
@@ -38,7 +39,7 @@ from cfjax.check.robustness import Robustness as Proven
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
-from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, SegmentResult, StretchMargin
+from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, SegmentResult, StretchMargin, WorstPlace
 from cfjax.verdict import Verdict
 
 
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from cfjax.conf import Config
 
 RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE = "result.json", "certificate.json", "robustness.json", "reference.csv"
-PICTURE, CONFIG, WAYPOINTS = "funnel.png", "config.yaml", "waypoints.csv"
+PICTURE, REPORT, CONFIG, WAYPOINTS = "funnel.png", "report.html", "config.yaml", "waypoints.csv"
 REFERENCE_ROWS = 201  # per segment
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
 
@@ -69,6 +70,7 @@ def write_run(
     harden: Callable[[Result], dict[str, Any] | None] | None = None,
     drive: Callable[[Result], Result] | None = None,
     points: bytes | None = None,
+    page: Callable[[Result, Path], None] | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
@@ -76,12 +78,21 @@ def write_run(
 
     A result whose certificate the checker does not accept comes back `inconclusive`. `harden` finds hints for what the
     funnels absorb, of which nothing is claimed but what the checker shows. `drive` adds the closed loop to the result
-    as it then stands, `picture` draws funnel.png of it; if that fails, it is said on stderr and the run stands.
-    Whatever else stops one of the two, Ctrl-C included, result.json is written before it goes on.
+    as it then stands, `picture` draws funnel.png of it and `page` writes report.html; if one of these fails, it is said
+    on stderr and the run stands. Whatever else stops one of them, Ctrl-C included, result.json is written before it
+    goes on.
     """
     refuse_finished(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for leftover in (CERTIFICATE, ROBUSTNESS, REFERENCE, PICTURE, CONFIG, WAYPOINTS):  # of a run that was killed
+    for leftover in (
+        CERTIFICATE,
+        ROBUSTNESS,
+        REFERENCE,
+        PICTURE,
+        REPORT,
+        CONFIG,
+        WAYPOINTS,
+    ):  # of a run that was killed
         (folder / leftover).unlink(missing_ok=True)
     begin, before = time.perf_counter(), result.seconds.get("total", 0.0)
     result = _write_certificate(result, folder / CERTIFICATE, check)
@@ -103,6 +114,11 @@ def write_run(
             start = time.perf_counter()
             _draw(picture, result, folder / PICTURE)
             result = _with_seconds(result, "plot", time.perf_counter() - start)
+        if page is not None:
+            start = time.perf_counter()
+            result = _with_seconds(result, "total", before + start - begin)  # as the page can know it
+            _draw(page, result, folder / REPORT)
+            result = _with_seconds(result, "report", time.perf_counter() - start)
     finally:
         result = _with_seconds(result, "total", before + time.perf_counter() - begin)
         write_whole(folder / RESULT, (json.dumps(result_json(result), indent=2, allow_nan=False) + "\n").encode())
@@ -135,6 +151,27 @@ def _write_certificate(result: Result, path: Path, check: Check) -> Result:
     claim = f"the exact checker did not accept the certificate of a {result.verdict.value} run"
     result = result.replace(closed_loop=None)  # driven under a margin that nothing proves
     return _without_claim(result, Verdict.INCONCLUSIVE, f"{claim}: {' '.join(reason.split())}")
+
+
+def confirmed(result: Result, folder: Path, check: Check = check_file) -> Result:
+    """A result that was read from a run folder, with claims that its certificate proves: the checker's own, not read.
+
+    Raises:
+        InputError: where the checker does not accept what the result claims.
+    """
+    if result.verdict not in PROVES:
+        return _without_claim(result, result.verdict, result.message).replace(robustness=None)
+    report = check(folder)
+    wanted = PROVES[result.verdict]
+    if report.outcome is not wanted or (wanted is Outcome.PROVEN and len(report.margins) != len(result.segments)):
+        raise InputError(
+            f"{folder / RESULT}: expected what the certificate proves, got {result.verdict.value}, "
+            f"which the exact checker does not accept: {report.message}"
+        )
+    if wanted is Outcome.REFUTED:
+        return result.replace(message=report.message, robustness=None)
+    amounts = None if report.robustness is None else _amounts(report.robustness)
+    return _with_margins(result, report).replace(message=report.message, robustness=amounts)
 
 
 def _write_robustness(
@@ -206,12 +243,18 @@ def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
 
 
 def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:
+    try:
+        write_beside(picture, result, path)
+    except Exception as error:
+        print(f"warning: {path.name} could not be drawn ({type(error).__name__}: {error})", file=sys.stderr)
+
+
+def write_beside(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:
+    """Have a picture or page written beside its place and put it there when it is whole."""
     draft = path.with_name(f".part-{path.name}")  # keeps the suffix, which says what to draw
     try:
         picture(result, draft)
         os.replace(draft, path)
-    except Exception as error:
-        print(f"warning: {path.name} could not be drawn ({type(error).__name__}: {error})", file=sys.stderr)
     finally:
         draft.unlink(missing_ok=True)
 
@@ -269,12 +312,14 @@ def result_json(result: Result) -> dict[str, Any]:
             "obstacles": [_obstacle_json(obstacle) for obstacle in problem.obstacles],
         },
         "failed_at": list(result.failed_at) if result.failed_at else None,
+        "worst_points": [_worst_json(problem, point) for point in result.worst_points],
         "seconds": {stage: round(value, 3) for stage, value in result.seconds.items()},
         "iterations": result.iterations,
         "search": dict(result.search),
         "history": [{name: _number(float(value)) for name, value in figures.items()} for figures in result.history],
         "robustness": _robustness_json(problem, result.robustness) if result.robustness else None,
         "closed_loop": _closed_loop_json(result.closed_loop) if result.closed_loop else None,
+        "command": result.command,
         "versions": versions(),
     }
 
@@ -295,6 +340,24 @@ def _obstacle_json(obstacle: Obstacle) -> dict[str, Any]:
     if isinstance(obstacle, Disc):
         return {"disc": [obstacle.x, obstacle.y, obstacle.radius]}
     return {"polygon": [list(corner) for corner in obstacle.corners]}
+
+
+def _worst_json(problem: Problem, point: WorstPlace) -> dict[str, Any]:
+    """θ in s of the segment; the deviation by state."""
+    deviation = dict(zip(problem.vehicle.state_names, point.x, strict=True))
+    theta = None if problem.path.tube else point.theta
+    return {
+        "segment": point.segment,
+        "condition": point.condition,
+        "slack": _number(point.slack),
+        "theta": theta,
+        "x": deviation,
+    }
+
+
+def _worst_of(data: dict[str, Any]) -> WorstPlace:
+    slack = math.nan if data["slack"] is None else data["slack"]
+    return WorstPlace(data["segment"], data["condition"], slack, data["theta"] or 0.0, tuple(data["x"].values()))
 
 
 def _segment_json(problem: Problem, found: SegmentResult) -> dict[str, Any]:
@@ -441,6 +504,8 @@ def read_run(folder: Path) -> Result:
             history=tuple(data.get("history", ())),
             document=document,
             failed_at=tuple(data["failed_at"]) if data.get("failed_at") else None,
+            worst_points=tuple(_worst_of(point) for point in data.get("worst_points", ())),
+            command=data.get("command"),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(

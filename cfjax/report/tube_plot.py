@@ -51,7 +51,7 @@ def draw_tube(figure: Figure, result: Result) -> None:
 def _draw_path(axes: Axes, funnel: Funnel, cars: Rollouts) -> None:
     """The random path of one recorded car, turned to lie along the panel, the tube along it, and the car."""
     assert cars.reference is not None
-    car = _most_winding(cars)
+    car = most_winding(cars)
     way = _way(cars)[:, car]
     last = int(np.searchsorted(way, SHOWN_WAY * float(funnel.half_widths()[1]))) + 1
     shown = np.unique(np.linspace(0, min(last, len(way)) - 1, MOST_OUTLINES).astype(int))
@@ -77,7 +77,7 @@ def _draw_path(axes: Axes, funnel: Funnel, cars: Rollouts) -> None:
     axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
 
 
-def _most_winding(cars: Rollouts) -> int:
+def most_winding(cars: Rollouts) -> int:
     """The path that turns most to and fro: what its heading varies by, less what is left of it in the end."""
     assert cars.reference is not None
     heading = cars.reference[:: max(1, len(cars.reference) // 40), :, 0]

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cfjax.control import Law, MinNorm, law_numbers
+from cfjax.control import Law, LawNumbers, MinNorm, law_numbers
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Problem, ReferencePoint, Vehicle
@@ -42,6 +42,7 @@ from cfjax.simulation.loop import (
 STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at most twice as many
 STEP_SHARE = 1 / 5  # of the funnel scaled to a half-width of 1 rad in heading: per step at full inputs, at most
 JUMP = 1e-6  # relative to the largest along the path: less is rounding
+SAMPLES = 4096  # of inputs that are looked at together: one compiled program for any number of them
 MEETS = 1e-9  # relative to the path's duration: what rounding may leave between an end and what it should meet
 
 
@@ -273,3 +274,54 @@ def drive_cars(
     )
     clock, theta, value = (np.asarray(kept)[:rows] for kept in (history.clock, history.theta, history.value))
     return summary, Rollouts(clock, theta, np.stack(history.x, axis=-1)[:rows], value)
+
+
+@partial(jax.jit, static_argnames=("vehicle", "template", "law"))
+def _inputs(
+    vehicle: Vehicle,
+    template: Template,
+    law: Law,
+    numbers: LawNumbers,
+    point: ReferencePoint,
+    theta: Float[Array, " k"],
+    x: tuple[Array, ...],
+) -> Float[Array, "m k"]:
+    return jnp.stack(
+        [jnp.broadcast_to(value, theta.shape) for value in law(vehicle, template, numbers, point, theta, x)]
+    )
+
+
+def inputs_along(
+    problem: Problem,
+    legs: Sequence[Leg],
+    theta: Float[np.ndarray, "t k"],
+    x: Float[np.ndarray, "t k n"],
+    law: Law = MinNorm(),
+) -> Float[np.ndarray, "t k m"]:
+    """The inputs (u0, *vehicle inputs) that the law takes at recorded θ (s, along the whole path) and deviations.
+
+    As in `drive_cars`; where a leg ends, or the path jumps, those of what follows.
+
+    Raises:
+        InputError: where the legs do not lead along the path, or their funnels have several templates.
+    """
+    legs = _checked(problem, legs)
+    template = _template(legs)
+    profiles = jax.tree.map(np.asarray, profiles_of(problem.path))
+    own = [law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre) for leg in legs]
+    table = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *own)
+    ends = np.array([leg.end for leg in legs])
+    flat, states = theta.ravel(), x.reshape(-1, x.shape[-1])
+    spare = -len(flat) % SAMPLES
+    flat = np.concatenate([flat, np.repeat(flat[-1:], spare)])
+    states = np.concatenate([states, np.repeat(states[-1:], spare, axis=0)])
+    found = []
+    for at in range(0, len(flat), SAMPLES):
+        now, there = flat[at : at + SAMPLES], states[at : at + SAMPLES]
+        leg = np.minimum(np.searchsorted(ends, now, side="right"), len(legs) - 1)
+        piece = np.clip(np.searchsorted(profiles.begin, now, side="right") - 1, 0, len(profiles.begin) - 1)
+        point = jax.tree.map(lambda values: np.broadcast_to(values, (SAMPLES,)), point_at(profiles, piece, now))
+        numbers = jax.tree.map(lambda leaf, leg=leg: np.moveaxis(leaf[leg], 0, -1), table)
+        since = np.concatenate([[0.0], ends[:-1]])[leg]
+        found.append(_inputs(problem.vehicle, template, law, numbers, point, now - since, tuple(there.T)))
+    return np.concatenate(found, axis=1).T[: theta.size].reshape(*theta.shape, -1)

@@ -111,6 +111,7 @@ class Record(NamedTuple):
     theta: Array
     x: tuple[Array, ...]
     reference: ReferencePoint
+    inputs: tuple[Array, ...]
 
 
 def _along(reference: ReferencePoint, since: Array) -> ReferencePoint:
@@ -222,9 +223,12 @@ def drive_tube(
         moving = loop._replace(numbers=loop.numbers._replace(curvature=imposed), step=clock)
         after = advance(vehicle, template, MinNorm(), moving, going_on(actual, seen, cars.theta), cars)
         speed = jnp.clip(paths.speed + held * (after.theta - cars.theta), lower, upper)
-        record = Record(cars.clock, cars.theta, cars.x, actual)
+        kept = jax.tree.map(lambda now: now[::stride], (imposed, seen, cars.theta, cars.x))
+        told = moving.numbers._replace(curvature=kept[0])
+        inputs = MinNorm()(vehicle, template, told, *kept[1:])
+        record = jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, actual, ()))
         carry = after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))
-        return carry, jax.tree.map(lambda now: now[::stride], record)
+        return carry, record._replace(inputs=inputs)
 
     cars = start(template, loop, starts)
     (cars, _, worst_goal), history = jax.lax.scan(step, (cars, paths, goal_share(cars.x)), jnp.arange(steps))
@@ -335,4 +339,5 @@ def drive_tube_cars(
     poses = _reference_poses(history, np.asarray(end.theta[::stride]))
     x = np.stack(history.x, axis=-1)[shown]
     theta, clock = np.asarray(history.theta)[shown], np.asarray(history.clock)[shown]
-    return summary, Rollouts(clock, theta, x, funnel.value(theta, x), poses[shown])
+    inputs = np.stack(history.inputs, axis=-1)[shown]
+    return summary, Rollouts(clock, theta, x, funnel.value(theta, x), poses[shown], inputs)

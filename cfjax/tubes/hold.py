@@ -79,7 +79,11 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     problem = replace(problem, inlet=made.problem.inlet)  # which an objective may have enlarged
     if made.verdict is not Verdict.CERTIFIED or made.document is None:
         return made.replace(
-            problem=problem, message=f"no tube for the path's bounds: {made.message}", segments=(), document=None
+            problem=problem,
+            message=f"no tube for the path's bounds: {made.message}",
+            segments=(),
+            document=None,
+            worst_points=(),
         )
     name = "learned"
     try:
@@ -87,9 +91,12 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
         following = follow(problem.path, [tube], vehicle=problem.vehicle, closed=problem.path.closed)
     except ValueError as error:
         message = f"the learned tube does not hold along the path: {error}"
-        return made.replace(problem=problem, message=message, verdict=Verdict.INCONCLUSIVE, segments=(), document=None)
+        return made.replace(
+            problem=problem, message=message, verdict=Verdict.INCONCLUSIVE, segments=(), document=None, worst_points=()
+        )
     found = _held(problem, following, {name: made.segments[0].margin_falsified})
-    return found.replace(seconds=made.seconds, iterations=made.iterations, history=made.history)
+    worst = tuple(point for point in made.worst_points if point.condition == "d")  # I and G are others'
+    return found.replace(seconds=made.seconds, iterations=made.iterations, history=made.history, worst_points=worst)
 
 
 def _refuse_obstacles(problem: Problem) -> None:

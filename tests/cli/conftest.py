@@ -9,6 +9,7 @@ from pathlib import Path
 import absl.logging
 import pytest
 
+import cfjax.report.page
 import cfjax.report.plot
 import cfjax.synthesis
 import cfjax.train
@@ -28,6 +29,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result]) -> 
 
     monkeypatch.setattr(cfjax.synthesis, "search", search)
     monkeypatch.setattr(cfjax.report.plot, "save_picture", lambda result, path: path.write_bytes(b"a picture"))
+    monkeypatch.setattr(cfjax.report.page, "save_page", lambda result, path: path.write_text("a page"))
 
 
 @pytest.fixture

@@ -34,7 +34,7 @@ def test_run_ends_with_its_folder(
     assert last.startswith("run: ")
     assert folder.is_relative_to(tmp_path / "outputs")
     files = {entry.name for entry in folder.iterdir()}
-    assert files == {"result.json", "reference.csv", "funnel.png", "config.yaml", ".hydra"}
+    assert files == {"result.json", "reference.csv", "funnel.png", "report.html", "config.yaml", ".hydra"}
     data = json.loads((folder / "result.json").read_text())
     assert (data["verdict"], data["method"], data["path"], data["template"]) == (
         "inconclusive",

@@ -1,0 +1,81 @@
+"""`python -m cfjax.report FOLDER`: write report.html again for a run, or index.html and the reports of a sweep.
+
+From what is on disk; a certified run's certificate is replayed first, and a few cars are driven again.
+
+Exit code: 0 done; 2 bad input, one line on stderr.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+
+if TYPE_CHECKING:
+    from cfjax.result import Result
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m cfjax.report",
+        description="Write the page of a run again, or the index page of a sweep and the pages of its runs.",
+    )
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder or a sweep's")
+    options = parser.parse_args(arguments)
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
+
+    from cfjax.errors import InputError
+    from cfjax.report.page import write_index
+    from cfjax.report.run_folder import RESULT
+    from cfjax.report.table import holds_sweep
+
+    folder = options.folder
+    try:
+        if (folder / RESULT).exists():
+            written = [_write_page(folder)]
+        elif holds_sweep(folder):
+            runs = sorted(entry for entry in folder.iterdir() if (entry / RESULT).exists())
+            written = [_write_page(run) for run in runs]
+            written.append(write_index(folder))
+        else:
+            raise InputError(f"folder: expected a run's folder or a sweep's, got {folder}")
+    except InputError as error:
+        message = str(error)
+    except OSError as error:
+        message = f"folder: cannot write to {folder} ({error.strerror or error})"
+    else:
+        for path in written:
+            print(path)
+        return 0
+    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    return 2
+
+
+def _write_page(folder: Path) -> Path:
+    """Raises InputError where the folder holds no run, or claims what the checker does not accept."""
+    from cfjax.report.page import save_page
+    from cfjax.report.run_folder import REPORT, confirmed, read_run, write_beside
+
+    path = folder / REPORT
+    write_beside(save_page, _with_cars(confirmed(read_run(folder), folder), folder), path)
+    return path
+
+
+def _with_cars(result: "Result", folder: Path) -> "Result":
+    """The result with a few recorded cars, where some were driven; what was counted of all of them stands."""
+    from dataclasses import replace
+
+    from cfjax.conf import options_of
+    from cfjax.report.run_folder import read_config
+    from cfjax.simulation.loop import RECORDED
+    from cfjax.synthesis import drive
+
+    if result.closed_loop is None:
+        return result
+    driven = drive(result, replace(options_of(read_config(folder)), cars=RECORDED))
+    return result.replace(rollouts=driven.rollouts)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

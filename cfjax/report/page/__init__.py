@@ -1,0 +1,7 @@
+"""report.html: one page that shows a run, opens offline and asks nobody for anything; and the index of a sweep."""
+
+from cfjax.report.page.index import write_index
+from cfjax.report.page.page import save_page
+
+
+__all__ = ["save_page", "write_index"]

@@ -1,0 +1,112 @@
+"""From a result to report.html: what is said and shown, in order; the page itself is `page.html.j2` with its style."""
+
+import json
+import time
+from dataclasses import asdict
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from cfjax.report.page import tables
+from cfjax.report.page.cars import cars_of
+from cfjax.report.page.figure import Figure
+from cfjax.report.page.flat import input_figure, margin_figure, plane_figure, section_figure, value_figure
+from cfjax.report.page.space import space_of_path, space_of_tube
+from cfjax.report.plane import Plane
+from cfjax.report.run_folder import CONFIG, RESULT, read_json, versions
+from cfjax.result import Result
+from cfjax.verdict import Verdict
+
+
+TITLES = {
+    Verdict.CERTIFIED: "certified",
+    Verdict.REFUTED: "refuted",
+    Verdict.INCONCLUSIVE: "inconclusive",
+    Verdict.SOLVER_FAILED: "solver failed",
+}
+
+
+def save_page(result: Result, path: Path) -> None:
+    """Write the page of a run into its folder, whose configuration it shows: one file, self-contained.
+
+    It says what the result says: a `certified` one has to come from a folder whose certificate the checker accepted.
+    """
+    folder = path.parent
+    config = (folder / CONFIG).read_text("utf-8") if (folder / CONFIG).exists() else ""
+    known = read_json(folder / RESULT)["versions"] if (folder / RESULT).exists() else versions()
+    path.write_text(page_of(result, config, known), encoding="utf-8")
+
+
+def page_of(result: Result, config: str, known: dict[str, str]) -> str:
+    """The page's text; `known` are the versions that made the result."""
+    tube = result.problem.path.tube
+    plane = None if tube else Plane(result)
+    cars = cars_of(result, plane.course if plane else None)
+    figures: list[Figure] = []
+    if plane:
+        figures += [space_of_path(result, plane, cars), plane_figure(result, plane, cars)]
+    elif result.segments:
+        figures.append(space_of_tube(result, cars))
+    if result.segments:
+        figures.append(section_figure(result))
+        if plane:
+            figures.append(margin_figure(result))
+    if cars:
+        figures += [value_figure(result, cars), input_figure(result, cars)]
+    return (
+        environment()
+        .get_template("page.html.j2")
+        .render(
+            result=result,
+            verdict=TITLES[result.verdict],
+            tone=result.verdict.value,
+            meaning=tables.MEANING[result.verdict],
+            account=tables.account(result),
+            facts=tables.facts(result),
+            parameters=tables.parameters(result),
+            figures={figure.name: figure for figure in figures},
+            data=_script_json({figure.name: _data(figure) for figure in figures}),
+            funnels=tables.funnels(result) if result.segments else None,
+            worst=tables.worst_points(result) if result.worst_points else None,
+            extremes=tables.extremes(result, [car.inputs for car in cars]) if cars else None,
+            shown=len(cars),
+            driven=asdict(result.closed_loop) if result.closed_loop else None,
+            absorbed=tables.absorbed(result) if result.robustness else None,
+            rounds=tables.rounds(result) if result.history else None,
+            seconds=tables.seconds(result),
+            total=result.seconds.get("total"),
+            versions=known,
+            config=config,
+            written=time.strftime("%Y-%m-%d %H:%M"),
+            plotly=plotly_script(),
+            style=text_of("page.css"),
+            script=text_of("page.js"),
+        )
+    )
+
+
+def environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.FunctionLoader(text_of), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+
+
+def text_of(name: str) -> str:
+    """Of a file beside this one."""
+    return resources.files("cfjax.report.page").joinpath(name).read_text("utf-8")
+
+
+def plotly_script() -> str:
+    """The whole of plotly.js, as it travels with the package of that name."""
+    return resources.files("plotly").joinpath("package_data/plotly.min.js").read_text("utf-8")
+
+
+def _data(figure: Figure) -> dict[str, Any]:
+    return {"traces": figure.traces, "layout": figure.layout, "views": figure.views, "shape": figure.shape}
+
+
+def _script_json(data: Any) -> str:
+    """JSON that may stand inside a script: nothing in it ends one."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")

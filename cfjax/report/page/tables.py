@@ -1,0 +1,214 @@
+"""What the page says in words and numbers."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cfjax.problem import Disc
+from cfjax.report.page.terms import input_label, short_label
+from cfjax.report.run_folder import numbers_of
+from cfjax.result import Result
+from cfjax.verdict import Verdict
+
+
+Rows = list[tuple[str, ...]]
+
+MEANING = {
+    Verdict.CERTIFIED: "Proven. The exact checker accepted the certificate as it lies on disk. Its own account:",
+    Verdict.REFUTED: "Proven to fail. The checker confirms a witness against this candidate; others may do:",
+    Verdict.INCONCLUSIVE: "Nothing is proven, neither that this funnel works nor that none exists. What was found:",
+    Verdict.SOLVER_FAILED: "Nothing is proven: a numerical solver gave no usable answer. What it said:",
+}
+CONDITIONS = {
+    "a": "I lies in the funnel",
+    "b": "the funnel ends in G",
+    "c": "the funnel stays in S, off obstacles",
+    "d": "some input makes V fall",
+}
+
+
+class Fact(NamedTuple):
+    """A figure that is shown large."""
+
+    value: str
+    unit: str
+    name: str
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Short, with a true minus; a dash where there is none."""
+    if value is None or math.isnan(value):
+        return "–"
+    return f"{value:.{digits}g}".replace("inf", "∞").replace("-", "−")
+
+
+def account(result: Result) -> list[str]:
+    """The message in paragraphs: a sentence that begins with a new subject begins a new one."""
+    text = result.message
+    for start in (
+        "Deviations (",
+        "From every start",
+        "Tubes in turn",
+        "Inputs that do so",
+        "A law whose",
+        "All at once",
+    ):
+        text = text.replace(f". {start}", f".\n{start}")
+    return text.split("\n")
+
+
+def facts(result: Result) -> list[Fact]:
+    """The figures that people look for first."""
+    found = [
+        Fact(number(result.margin_certified), "1/s", "margin λ, certified"),
+    ]
+    falsified = result.margin_falsified
+    if falsified is not None and math.isfinite(falsified):  # tubes that came with the package are not searched again
+        found.append(Fact(number(falsified), "1/s", "margin λ, falsified"))
+    if result.margin_certified is None:
+        found[0] = Fact("none", "", "margin λ, certified")
+    per_metre = [each.margin_per_metre for each in result.segments if each.margin_per_metre is not None]
+    if per_metre:
+        found.append(Fact(number(min(per_metre)), "1/m", "margin per metre, certified"))
+    if (loop := result.closed_loop) is not None:
+        lost = loop.left_funnel + loop.left_safe + loop.missed_goal
+        found.append(
+            Fact(
+                f"{loop.cars:,}".replace(",", " "),
+                "cars",
+                "driven, none lost" if not lost else f"driven, {lost} failures",
+            )
+        )
+        if loop.arrival:
+            ends = " to ".join(number(each, 3) for each in loop.arrival)
+            found.append(Fact(ends, "s", "cars arrived after"))
+    if result.robustness is not None:
+        period = result.robustness.alone.period
+        found.append(Fact(number(1e3 * period, 3), "ms", "inputs held, proven"))
+    if "total" in result.seconds:
+        found.append(Fact(number(result.seconds["total"], 3), "s", "for all of it"))
+    return found
+
+
+def parameters(result: Result) -> Rows:
+    """The question."""
+    problem = result.problem
+    vehicle, path = problem.vehicle, problem.path
+    states = problem.vehicle.state_names
+    own = ", ".join(f"{name} {_short(value)}" for name, value in numbers_of(vehicle).items())
+    rows = [("path", path.name + (", closed" if path.closed else ""))]
+    if tube := path.tube:
+        bounds = (("speed", tube.speed, "m/s"), ("curvature", tube.curvature, "1/m"))
+        for name, ends, unit in (*bounds, ("acceleration", tube.acceleration, "m/s²")):
+            rows.append((f"{name} of the reference", f"{number(ends.lower)} to {number(ends.upper)} {unit}"))
+    else:
+        durations = [segment.duration for segment in path.curve]
+        count = "1 segment" if len(durations) == 1 else f"{len(durations)} segments"
+        rows.append(("duration T", f"{number(sum(durations))} s, {count}"))
+    rows.append(("method", {"pf": "path following", "tt": "trajectory tracking"}[problem.method.value]))
+    if result.segments:
+        funnel = result.segments[0].funnel
+        held = any(found.span for found in result.segments)
+        kind = f"universal tubes, {len(result.segments)} in turn" if held else funnel.template.name
+        rows.append(("template", kind))
+        rows.append(("shell", f"V from {number(funnel.beta_lower)} to 1"))
+    rows.append(("vehicle", vehicle.name + (f": {own}" if own else "")))
+    for disc in problem.footprint:
+        rows.append(("footprint", f"disc of {number(disc.radius)} m, {number(disc.offset)} m ahead"))
+    for name, box in zip(("u0", *vehicle.input_names), problem.inputs, strict=True):
+        rows.append((input_label(name), f"{number(box.lower)} to {number(box.upper)}"))
+    for name, axes in (("inlet I", problem.inlet.half_axes), ("goal G", problem.goal.half_axes)):
+        rows.append((f"{name}, half-axes", _by_state(states, axes)))
+    safe = "the whole plane" if problem.safe is None else _by_state(states, problem.safe.half_widths)
+    rows.append(("safe set S, half-widths", safe))
+    for obstacle in problem.obstacles:
+        if isinstance(obstacle, Disc):
+            text = f"disc of {number(obstacle.radius)} m at ({number(obstacle.x)}, {number(obstacle.y)}) m"
+        else:
+            text = "polygon " + " ".join(f"({number(x)}, {number(y)})" for x, y in obstacle.corners) + " m"
+        rows.append(("obstacle", text))
+    return rows
+
+
+def funnels(result: Result) -> tuple[tuple[str, ...], Rows]:
+    """Head and rows: each funnel, its margins and half-widths."""
+    states = result.problem.vehicle.state_names
+    held = any(found.span for found in result.segments)
+    head = ("", "θ (s)", "certified (1/s)", "falsified (1/s)", *(f"± {short_label(name)}" for name in states))
+    rows, since = [], 0.0
+    for index, found in enumerate(result.segments):
+        begin, end = found.span or (since, since + found.funnel.duration)
+        since = end
+        where = "any" if math.isinf(end) else f"{number(begin)} to {number(end)}"
+        widths = (number(width, 3) for width in found.funnel.half_widths())
+        margins = number(found.margin_certified), number(found.margin_falsified)
+        rows.append((f"{'tube' if held else 'segment'} {index + 1}", where, *margins, *widths))
+    return head, rows
+
+
+def worst_points(result: Result) -> tuple[tuple[str, ...], Rows]:
+    """Head and rows: the falsifier's worst points, the tightest first."""
+    states = result.problem.vehicle.state_names
+    head = ("condition", "slack", "segment", "θ (s)", *(short_label(name) for name in states))
+    rows: Rows = []
+    for point in sorted(result.worst_points, key=lambda point: (point.segment, point.condition)):
+        slack = number(point.slack) + (" 1/s" if point.condition == "d" else "")
+        where = "–" if result.problem.path.tube else number(point.theta)
+        says = f"({point.condition}) {CONDITIONS[point.condition]}"
+        rows.append((says, slack, str(point.segment + 1), where, *(number(value, 3) for value in point.x)))
+    return head, rows
+
+
+def seconds(result: Result) -> list[tuple[str, str, float]]:
+    """Stage, seconds, and its share of the total in percent."""
+    total = result.seconds.get("total", 0.0) or sum(result.seconds.values()) or 1.0
+    stages = [(name, value) for name, value in result.seconds.items() if name != "total"]
+    rest = total - sum(value for _, value in stages)
+    if rest > 0.005 * total:
+        stages.append(("everything else", rest))
+    return [(name, f"{value:.2f}", round(100 * min(value / total, 1.0), 1)) for name, value in stages]
+
+
+def rounds(result: Result) -> tuple[tuple[str, ...], Rows]:
+    """Head and rows: the margins after each round of learning and proving."""
+    rows: Rows = [
+        (str(index + 1), number(figures.get("falsified")), number(figures.get("certified") or None))
+        for index, figures in enumerate(result.history)
+    ]
+    return ("round", "falsified (1/s)", "certified (1/s)"), rows
+
+
+def absorbed(result: Result) -> tuple[tuple[str, ...], Rows]:
+    """Head and rows: what the funnels absorb, by itself and all at once."""
+    assert result.robustness is not None
+    alone, joint = result.robustness.alone, result.robustness.together
+    states = result.problem.vehicle.state_names
+    rows: Rows = [("inputs held for (ms)", number(1e3 * alone.period, 3), number(1e3 * joint.period, 3))]
+    rows.append(("data old by (ms)", number(1e3 * alone.delay, 3), number(1e3 * joint.delay, 3)))
+    for name, one, other in zip(states, alone.disturbance, joint.disturbance, strict=True):
+        rows.append((f"rate off by, a second: {short_label(name)}", number(one, 3), number(other, 3)))
+    for name, one, other in zip(states, alone.pose_error, joint.pose_error, strict=True):
+        rows.append((f"pose off by: {short_label(name)}", number(one, 3), number(other, 3)))
+    return ("", "by itself", "all at once"), rows
+
+
+def extremes(result: Result, inputs: list[np.ndarray]) -> tuple[tuple[str, ...], Rows]:
+    """Head and rows: what the shown cars needed of each input."""
+    names = ("u0", *result.problem.vehicle.input_names)
+    every = np.concatenate(inputs)
+    rows: Rows = []
+    for k, (name, box) in enumerate(zip(names, result.problem.inputs, strict=True)):
+        used = f"{number(every[:, k].min(), 3)} to {number(every[:, k].max(), 3)}"
+        rows.append((input_label(name), f"{number(box.lower)} to {number(box.upper)}", used))
+    return ("input", "limits", "used by the cars shown"), rows
+
+
+def _by_state(states: tuple[str, ...], values: tuple[float, ...]) -> str:
+    if len(set(values)) == 1 and len(values) > 1:
+        return f"{number(values[0])} in every state"
+    return ", ".join(f"{name} {number(value)}" for name, value in zip(states, values, strict=True))
+
+
+def _short(value: object) -> str:
+    return number(value) if isinstance(value, float) else str(value)
