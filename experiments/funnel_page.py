@@ -55,7 +55,9 @@ def frame(result: Result) -> Figure:
     deviation = np.array([0.34, 0.2])  # x and y, m
     car = origin + turn @ deviation
     for direction, label, shift in ((ahead, "$y$", (-0.03, 0.05)), (aside, "$x$", (0.05, -0.02))):
-        axes.annotate("", origin + 0.62 * direction, origin, arrowprops={"arrowstyle": "-|>", "color": REFERENCE_COLOUR})
+        axes.annotate(
+            "", origin + 0.62 * direction, origin, arrowprops={"arrowstyle": "-|>", "color": REFERENCE_COLOUR}
+        )
         axes.text(*(origin + 0.66 * direction + shift), label, ha="center", va="center")
     corner = origin + turn @ [deviation[0], 0.0]
     axes.plot(*np.stack([corner, car]).T, color=CAR_COLOURS[0], lw=0.9, ls=":")
@@ -104,7 +106,9 @@ def sets(result: Result) -> Figure:
         plane.plot([place, place], [-reach, reach], color=colour, lw=4, solid_capstyle="butt", zorder=3)
         plane.text(place, -reach - 0.05, name, color=colour, ha="center", va="top")
     if problem.safe is not None:
-        plane.text(0.5 * end, problem.safe.half_widths[LATERAL] - 0.04, "edge of $S$", ha="center", va="top", fontsize=8)
+        plane.text(
+            0.5 * end, problem.safe.half_widths[LATERAL] - 0.04, "edge of $S$", ha="center", va="top", fontsize=8
+        )
     for car in range(min(12, cars.theta.shape[1])):
         last = int(np.argmax(cars.theta[:, car])) + 1
         colour = CAR_COLOURS[car % len(CAR_COLOURS)]
