@@ -52,7 +52,6 @@ print(", ".join(files))
 
 # %%
 report = check_file(file)
-print(report.outcome.name)
 print(report.message)
 assert report.outcome.value == 0
 
@@ -100,7 +99,7 @@ display(figure)
 
 # %% [markdown]
 # Green I, blue the tube, red G: shadows on two planes. Claim (d), that V can always be made to fall, has sums of
-# squares: some hundred matrices, each shown to be positive definite in the same way.
+# squares: matrices again, each shown to be positive definite in the same way.
 #
 # ## A path's own certificate
 #
@@ -124,7 +123,7 @@ print(check_document(document).message)
 forged = copy.deepcopy(document)
 piece = forged["path"]["pieces"][0]
 print("speed of the first piece:", piece["speed"])
-piece["speed"][0] = "1.25"
+piece["speed"][0] = "5/4"
 for skip in (False, True):
     answer = check_document(forged, skip_hash=skip)
     print(f"skip_hash={skip}: {answer.outcome.name}: {answer.message[:200]}")

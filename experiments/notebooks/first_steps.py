@@ -99,7 +99,6 @@ for theta in (0.0, found.funnel.duration):
 
 # %%
 report = check_document(result.document)
-print(report.outcome.name)
 print(report.message)
 assert result.verdict is cfjax.Verdict.CERTIFIED and report.outcome.value == 0
 

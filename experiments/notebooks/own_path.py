@@ -38,7 +38,7 @@ matplotlib.rcParams.update(STYLE)
 
 # %% [markdown]
 # The one switch. With `CI` in the environment fewer cars are driven, and the funnel that is made for the lane change
-# alone, a minute's work, is left out.
+# alone, some minutes' work, is left out.
 
 # %%
 quick = bool(os.environ.get("CI"))
@@ -106,7 +106,7 @@ display(picture_of(result))
 assert result.verdict is cfjax.Verdict.CERTIFIED and result.closed_loop.left_funnel == 0
 
 # %% [markdown]
-# A funnel that is made for this path alone is proven along stretches of θ. It costs a minute instead of nothing, and
+# A funnel that is made for this path alone is proven along stretches of θ. It costs minutes instead of nothing, and
 # its margin is its own.
 
 # %%

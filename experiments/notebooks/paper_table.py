@@ -32,11 +32,11 @@ from experiments.paper_table import cases, run
 
 
 matplotlib.rcParams.update(STYLE)
-polars.Config.set_tbl_rows(40).set_tbl_hide_dataframe_shape(True).set_tbl_hide_column_data_types(True)
+_ = polars.Config.set_tbl_rows(40).set_tbl_hide_dataframe_shape(True).set_tbl_hide_column_data_types(True)
 
 # %% [markdown]
 # The one switch. With `CI` in the environment: the straight line with the paper's V only, PF and TT, and 500 cars.
-# Else all 36 lines, which take about half an hour, and 10,000 cars: the table of `docs/results.md`.
+# Else all 36 lines and 10,000 cars, which takes a while: the table of `docs/results.md`.
 
 # %%
 quick = bool(os.environ.get("CI"))
