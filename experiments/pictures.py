@@ -1,4 +1,4 @@
-"""The pictures of README and docs: certified runs of a few presets, drawn as funnel.png is.
+"""The pictures of README and docs: certified runs of a few presets, drawn as funnel.png is, and what a funnel is.
 
     python experiments/pictures.py [--output FOLDER] [--only NAME]
 
@@ -6,15 +6,20 @@ Each run takes up to two minutes. Files have a palette of 256 colours, which nob
 """
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib
+from matplotlib.figure import Figure
 from PIL import Image
 
 from cfjax.conf import options_of, preset, problem_of
-from cfjax.report.plot import save_picture
+from cfjax.report.plot import picture_of
+from cfjax.report.style import STYLE
 from cfjax.result import Result
 from cfjax.synthesis import synthesize
 from cfjax.verdict import Verdict
+from experiments.funnel_page import DRAWN
 
 
 # file: preset, overrides
@@ -23,10 +28,11 @@ PICTURES: dict[str, tuple[str, tuple[str, ...]]] = {
     "oval": ("oval", ()),
     "obstacle_tight": ("obstacle_tight", ()),
 }
+PAGE = "circle"  # the preset that docs/funnel.md is about
 LARGEST = 300_000  # bytes
 
 
-def save_small(result: Result, path: Path) -> None:
+def save_small(result: Result, path: Path, drawn: Callable[[Result], Figure] = picture_of) -> None:
     """The picture of a certified result in at most 300 kB.
 
     Raises:
@@ -34,26 +40,35 @@ def save_small(result: Result, path: Path) -> None:
     """
     if result.verdict is not Verdict.CERTIFIED:
         raise ValueError(f"{path}: expected a certified run, got {result.verdict.value}: {result.message}")
-    save_picture(result, path)
+    with matplotlib.rc_context(STYLE):
+        drawn(result).savefig(path, metadata={"Software": None})
     with Image.open(path) as picture:
         small = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
     small.save(path, optimize=True)
     if path.stat().st_size > LARGEST:
         raise ValueError(f"{path}: expected at most {LARGEST} bytes, got {path.stat().st_size}")
+    print(path, flush=True)
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("docs/images"), help="folder of the pictures")
-    parser.add_argument("--only", choices=PICTURES, help="one of them")
+    parser.add_argument("--only", choices=[*PICTURES, "funnel"], help="one of them; funnel: those of docs/funnel.md")
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
     for name, (path, overrides) in PICTURES.items():
         if arguments.only in (None, name):
-            config = preset(path, ["cars=1000", *overrides])
-            save_small(synthesize(problem_of(config), options_of(config)), arguments.output / f"{name}.png")
-            print(arguments.output / f"{name}.png", flush=True)
+            save_small(_run(path, overrides), arguments.output / f"{name}.png")
+    if arguments.only in (None, "funnel"):
+        result = _run(PAGE, ())
+        for name, drawn in DRAWN.items():
+            save_small(result, arguments.output / f"{name}.png", drawn)
+
+
+def _run(path: str, overrides: tuple[str, ...]) -> Result:
+    config = preset(path, ["cars=1000", *overrides])
+    return synthesize(problem_of(config), options_of(config))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from cfjax.errors import InputError
 
 
 LAWS: dict[str, Law] = {law.name: law for law in (MinNorm(), Sontag(), LinSontag())}
+"""Laws by name."""
 
 
 def law_named(name: str) -> Law:

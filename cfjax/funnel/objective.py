@@ -10,7 +10,8 @@ from cfjax.problem import Problem
 
 
 KINDS = ("margin", "width", "inlet")
-LATERAL = 1  # index of the state x
+LATERAL = 1
+"""Index of the state x, the lateral deviation."""
 
 
 @dataclass(frozen=True)

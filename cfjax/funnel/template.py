@@ -151,6 +151,7 @@ class Contracting(Template):
 
 
 TEMPLATES: dict[str, Template] = {template.name: template for template in (Contracting(), Paper())}
+"""Templates by name."""
 
 
 def template_named(name: str) -> Template:

@@ -109,7 +109,6 @@ def _slipx(vehicle: Vehicle, numbers: Numbers, words: list[str]) -> HostPlant:
 
 
 Maker = Callable[[Vehicle, Numbers, list[str]], Plant | HostPlant]
-# what makes it, the keys that it takes, and words
 PLANTS: dict[str, tuple[Maker, tuple[str, ...], tuple[str, ...]]] = {
     "model": (_model, ("wheelbase",), ()),
     "disturbed": (_disturbed, ("bound", "hold"), KINDS),  # and the states' names
@@ -117,6 +116,7 @@ PLANTS: dict[str, tuple[Maker, tuple[str, ...], tuple[str, ...]]] = {
     "commonroad": (_commonroad, ("lag",), ()),
     "slipx": (_slipx, (), ()),
 }
+"""Plants by name: what makes it, the keys that it takes, and words."""
 
 
 def plant_named(text: str, vehicle: Vehicle) -> Plant | HostPlant:

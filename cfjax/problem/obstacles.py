@@ -69,6 +69,7 @@ class Polygon:
 
 
 Obstacle = Disc | Polygon
+"""What the footprint must not touch: a disc or a convex polygon, fixed in the plane."""
 
 
 class FootprintDisc(NamedTuple):

@@ -1,0 +1,68 @@
+"""The documents: links lead somewhere, every public name says what it is; and how `scripts/docs` looks at the site."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+from scripts.check_site import complaints, public_names
+
+
+ROOT = Path(__file__).parents[1]
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+PAGES = sorted([ROOT / "README.md", *ROOT.glob("docs/**/*.md"), *ROOT.glob("experiments/**/*.md")])
+
+
+def slug(heading: str) -> str:
+    """A heading's anchor, as the site and code hosts make it."""
+    return re.sub(r"[\s]+", "-", re.sub(r"[^\w\s-]", "", heading.strip().lower()))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_relative_link_leads_somewhere(page: Path) -> None:
+    for link in LINK.findall(re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)):
+        if link.startswith(("http://", "https://")):
+            continue
+        name, _, anchor = link.partition("#")
+        target = page.parent / name if name else page
+        assert target.exists(), f"{page.name}: {link}"
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", target.read_text(), flags=re.MULTILINE)
+            assert anchor in map(slug, headings), f"{page.name}: {link}"
+
+
+def test_links_are_found() -> None:
+    assert len(LINK.findall((ROOT / "README.md").read_text())) > 20
+
+
+def test_every_public_class_and_function_says_what_it_is() -> None:
+    silent = []
+    for name in public_names():
+        room, _, last = name.rpartition(".")
+        value = getattr(importlib.import_module(room), last)
+        # a dataclass or a named tuple without a docstring gets its signature for one
+        if callable(value) and (not value.__doc__ or value.__doc__.startswith(f"{last}(")):
+            silent.append(name)
+    assert silent == []
+
+
+def test_the_site_is_looked_at(tmp_path: Path) -> None:
+    everything = "".join(f'<h2 id="{name}">' for name in public_names())
+    page = tmp_path / "index.html"
+    page.write_text(f'<a href="https://example.org">clicked only</a><img src="images/hero.png">{everything}')
+    assert complaints(tmp_path) == []
+    for outside in (
+        '<script src="https://example.org/a.js"></script>',
+        '<img src="//example.org/a.png">',
+        '<link rel="stylesheet" href="http://example.org/a.css">',
+    ):
+        page.write_text(everything + outside)
+        (found,) = complaints(tmp_path)
+        assert "from elsewhere" in found
+    page.write_text(everything.replace('id="cfjax.Problem"', ""))
+    assert complaints(tmp_path) == ["cfjax.Problem: not in the reference"]
+    page.write_text(everything)
+    (tmp_path / "a.css").write_text("@import url(https://example.org/b.css);")
+    (found,) = complaints(tmp_path)
+    assert "from elsewhere" in found
