@@ -60,9 +60,7 @@ def save_sweep_picture(table: pl.DataFrame, output: Path) -> Path | None:
             colour = CAR_COLOURS[index % len(CAR_COLOURS)]
             style = ("-", "--", ":", "-.")[index // len(CAR_COLOURS) % 4]
             proven = np.isfinite(points[:, 1])
-            axes.plot(
-                points[proven, 0], points[proven, 1], f"o{style}", color=colour, ms=4, lw=1.2, label=label or None
-            )
+            axes.plot(points[:, 0], points[:, 1], f"o{style}", color=colour, ms=4, lw=1.2, label=label or None)
             missing = points[~proven, 0]
             axes.plot(missing, np.zeros_like(missing), "o", mfc="white", color=colour, ms=5, clip_on=False, zorder=3)
         axes.set_ylim(bottom=0)
