@@ -16,7 +16,7 @@ import os
 import shlex
 import sys
 import traceback
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -44,6 +44,8 @@ class Checks(Callback):
 
     composed: ClassVar[bool] = False  # whatever goes wrong before that is the configuration's fault
     sweep: ClassVar[Path | None] = None
+    identity: ClassVar[dict[str, object]] = {}
+    held: ClassVar[ExitStack] = ExitStack()  # the lock of the sweep's folder
 
     def on_run_start(self, config: "DictConfig", **_: Any) -> None:
         from cfjax.errors import InputError
@@ -61,12 +63,19 @@ class Checks(Callback):
             raise Refusal(f"hydra.run.dir: cannot make {folder} ({error.strerror})") from error
 
     def on_multirun_start(self, config: "DictConfig", **_: Any) -> None:
-        from cfjax.report.table import holds_sweep
+        from cfjax.errors import InputError
+        from cfjax.report.resume import locked, open_sweep
 
         Checks.composed = True
         folder = Path(config.hydra.sweep.dir)
-        if holds_sweep(folder):
-            raise Refusal(f"hydra.sweep.dir: expected an empty folder, but {folder} already holds a sweep")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            Checks.held.enter_context(locked(folder, wait=False))
+            open_sweep(folder, Checks.identity)
+        except InputError as error:
+            raise Refusal(str(error)) from error
+        except OSError as error:
+            raise Refusal(f"hydra.sweep.dir: cannot use {folder} ({error.strerror})") from error
         Checks.sweep = folder
 
 
@@ -78,6 +87,8 @@ def main() -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
+    finally:
+        Checks.held.close()
 
 
 def prepare_environment() -> None:
@@ -100,13 +111,19 @@ def _main() -> int:
 
     from cfjax.conf import one_line, with_path
     from cfjax.errors import InputError
+    from cfjax.report.resume import sweep_identity, sweep_name
 
     given, unknown = get_args_parser().parse_known_args()
     if unknown:
         return _refuse(f"expected key=value or a flag of --help, got {' '.join(unknown)}")
     if not (given.shell_completion or given.experimental_rerun):  # which have no question or bring their own
         begin = sys.argv.index(given.overrides[0], 1) if given.overrides else 1
-        sys.argv[begin : begin + len(given.overrides)] = with_path(given.overrides)
+        overrides = with_path(given.overrides)
+        if given.multirun:
+            Checks.identity = sweep_identity(overrides)
+            if not any(override.startswith("hydra.sweep.dir=") for override in overrides):
+                overrides.append(f"hydra.sweep.dir=multirun/{sweep_name(Checks.identity)}")
+        sys.argv[begin : begin + len(given.overrides)] = overrides
     results: list[Result] = []
     refusals: list[InputError] = []
 
@@ -150,14 +167,26 @@ def run_job(node: "DictConfig") -> "Result | None":
 
     import cfjax.conf
     from cfjax.errors import InputError
-    from cfjax.report.table import write_error
+    from cfjax.report.resume import is_done, locked
+    from cfjax.report.table import ERROR, write_error
 
     context = HydraConfig.get()
     folder = Path(context.runtime.output_dir)
     try:
+        question = _question(node, Path(context.runtime.cwd))
         given = context.overrides.task if context.mode == RunMode.MULTIRUN else sys.argv[1:]
         command = shlex.join(["python", "-m", "cfjax.train", *given])
-        return run(*_question(node, Path(context.runtime.cwd)), folder, command)
+        if context.mode != RunMode.MULTIRUN:
+            return run(*question, folder, command)
+        with locked(folder, wait=True):  # a worker may outlive the command that was killed
+            config = question[0]
+            points = file.read_bytes() if (file := cfjax.conf.waypoint_file(config)) else None
+            done = is_done(folder, cfjax.conf.yaml_of(config), points)
+            (folder / ERROR).unlink(missing_ok=True)
+            if done:
+                print(f"job {folder.name}: done already", flush=True)
+                return None
+            return run(*question, folder, command, group=folder.parent.name)
     except Exception as error:
         if context.mode != RunMode.MULTIRUN:
             raise
@@ -170,8 +199,19 @@ def run_job(node: "DictConfig") -> "Result | None":
         return None
 
 
-def run(config: "Config", problem: "Problem", options: "Options", folder: Path, command: str | None = None) -> "Result":
-    """Search, write the run folder, log, and say what came out. Cars are driven when the proof is safe on disk."""
+def run(
+    config: "Config",
+    problem: "Problem",
+    options: "Options",
+    folder: Path,
+    command: str | None = None,
+    group: str | None = None,
+) -> "Result":
+    """Search, write the run folder, log, and say what came out. Cars are driven when the proof is safe on disk.
+
+    `command` made the run, and is kept with it. `group` gathers the jobs of a sweep where they are logged, unless
+    wandb.group says another one.
+    """
     from cfjax.conf import waypoint_file, yaml_of
     from cfjax.report.page import save_page
     from cfjax.report.plot import save_picture
@@ -195,7 +235,7 @@ def run(config: "Config", problem: "Problem", options: "Options", folder: Path, 
             page=save_page,
         )
     if config.logger == "wandb":
-        track(result, config, folder)
+        track(result, config, folder, group)
     print(summary(result, options.objective))
     print(f"run: {folder}", flush=True)
     return result
@@ -262,6 +302,7 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
 
 
 def _finish_sweep(sweep: Path) -> int:
+    from cfjax.report.page import write_index
     from cfjax.report.table import gather, print_table, write_table
 
     if not sweep.is_dir():
@@ -270,6 +311,7 @@ def _finish_sweep(sweep: Path) -> int:
     path = write_table(rows, sweep)
     print_table(rows)
     print(f"table: {path.resolve()}")
+    print(f"index: {write_index(sweep).resolve()}")
     print(f"sweep: {sweep.resolve()}", flush=True)
     if all(row.has_verdict for row in rows):
         return 0
@@ -278,11 +320,16 @@ def _finish_sweep(sweep: Path) -> int:
 
 def _forget_sweep(sweep: Path | None) -> None:
     """Remove the folder of a sweep that was refused before its first job: Hydra makes it before it looks at them."""
-    if sweep is None or not sweep.is_dir() or {entry.name for entry in sweep.iterdir()} - {"multirun.yaml"}:
+    if (
+        sweep is None
+        or not sweep.is_dir()
+        or {entry.name for entry in sweep.iterdir()} - {"multirun.yaml", "sweep.json", ".lock"}
+    ):
         return
-    (sweep / "multirun.yaml").unlink(missing_ok=True)
+    for name in ("multirun.yaml", "sweep.json", ".lock"):
+        (sweep / name).unlink(missing_ok=True)
     with suppress(OSError):  # the folders above stay where they hold something else
-        for folder in (sweep, *sweep.parents[:2]):
+        for folder in (sweep, *sweep.parents[:1]):
             folder.rmdir()
 
 

@@ -1,15 +1,16 @@
-"""One table for a sweep: a row per job, printed and as CSV."""
+"""One table for a sweep: a row per job, printed, as CSV and as Parquet."""
 
-import csv
 import dataclasses
 import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
 
+import polars as pl
 from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
+from yaml import YAMLError
 
 from cfjax.conf import Config, preset, problem_of
 from cfjax.errors import InputError
@@ -18,7 +19,8 @@ from cfjax.report.run_folder import RESULT, read_config, read_json, write_whole
 from cfjax.verdict import Verdict
 
 
-TABLE = "table.csv"
+TABLE, PARQUET = "table.csv", "table.parquet"
+SWEPT = "swept."  # before the names of columns that hold what a sweep varied
 ERROR = "error.json"  # in the folder of a job that reached no verdict
 
 
@@ -64,15 +66,40 @@ def gather(sweep: Path) -> list[Row]:
     return [_row(folder) for folder in sorted(folders, key=_job_order)]
 
 
+def frame(rows: list[Row], sweep: Path) -> pl.DataFrame:
+    """The rows, and a column `swept.KEY` for every key of which jobs have different values."""
+    types = {"certified": pl.Float64, "falsified": pl.Float64, "seconds": pl.Float64}
+    schema = {field.name: types.get(field.name, pl.String) for field in dataclasses.fields(Row)}
+    table = pl.DataFrame([dataclasses.asdict(row) for row in rows], schema=schema)
+    given = [dict(_key_and_value(override) for override in overrides_of(sweep / row.folder)) for row in rows]
+    keys = dict.fromkeys(key for overrides in given for key in overrides)
+    columns = [pl.Series(f"{SWEPT}{key}", [own.get(key) for own in given], pl.String) for key in keys]
+    return table.with_columns(column for column in columns if column.n_unique() > 1)
+
+
+def _key_and_value(override: str) -> tuple[str, str]:
+    key, _, value = override.lstrip("+~").partition("=")
+    return key, value
+
+
+def unfinished(rows: list[Row]) -> int:
+    """How many of the jobs have no verdict."""
+    return sum(not row.has_verdict for row in rows)
+
+
 def write_table(rows: list[Row], sweep: Path) -> Path:
     """Write the rows as CSV into the sweep's folder; full precision, folders relative to it."""
-    file = io.StringIO()
-    writer = csv.DictWriter(file, [field.name for field in dataclasses.fields(Row)], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(dataclasses.asdict(row) for row in rows)
-    path = sweep / TABLE
-    write_whole(path, file.getvalue().encode())
-    return path
+    write_whole(sweep / TABLE, frame(rows, sweep).write_csv().encode())
+    return sweep / TABLE
+
+
+def write_frame(table: pl.DataFrame, folder: Path) -> list[Path]:
+    """The table as CSV and as Parquet."""
+    parquet = io.BytesIO()
+    table.write_parquet(parquet)
+    write_whole(folder / TABLE, table.write_csv().encode())
+    write_whole(folder / PARQUET, parquet.getvalue())
+    return [folder / TABLE, folder / PARQUET]
 
 
 def print_table(rows: list[Row]) -> None:
@@ -109,11 +136,10 @@ def _cell(value: object) -> str:
 
 
 def _row(folder: Path) -> Row:
-    overrides_file = folder / ".hydra" / "overrides.yaml"
-    overrides = " ".join(map(str, OmegaConf.load(overrides_file))) if overrides_file.exists() else ""
+    overrides = " ".join(overrides_of(folder))
     row = Row(folder.name, "", "", "", overrides, "crashed", folder=folder.name, message="the job did not end")
     try:
-        if not (folder / RESULT).exists():
+        if (folder / ERROR).exists() or not (folder / RESULT).exists():
             row = dataclasses.replace(row, **_choices(folder / ".hydra" / "config.yaml"))
             if (folder / ERROR).exists():
                 error = read_json(folder / ERROR)
@@ -138,8 +164,16 @@ def _row(folder: Path) -> Row:
             message=data["message"],
             folder=folder.name,
         )
-    except (InputError, KeyError, TypeError, ValueError, OSError) as error:
+    except (InputError, KeyError, TypeError, ValueError, OSError, YAMLError) as error:
         return dataclasses.replace(row, verdict="crashed", message=f"unreadable: {error}")
+
+
+def overrides_of(folder: Path) -> list[str]:
+    """The overrides of a job, as Hydra wrote them; none where it was stopped while it did."""
+    try:
+        return [str(override) for override in OmegaConf.load(folder / ".hydra" / "overrides.yaml")]
+    except (OSError, TypeError, ValueError, YAMLError):
+        return []
 
 
 def _choices(path: Path) -> dict[str, str]:

@@ -12,16 +12,19 @@ from cfjax.report.run_folder import CERTIFICATE, PICTURE, result_json
 from cfjax.result import Result
 
 
-def track(result: Result, config: Config, folder: Path) -> None:
-    """Log a finished run: configuration, margins per round, figures, picture, and the certificate as artifact."""
+def track(result: Result, config: Config, folder: Path, group: str | None = None) -> None:
+    """Log a finished run: configuration, margins per round, figures, picture, and the certificate as artifact.
+
+    `group` holds the jobs of a sweep together where wandb.group is not set.
+    """
     try:
         with _staging_in(folder):
-            _log(result, config, folder)
+            _log(result, config, folder, group)
     except Exception as error:
         print(f"warning: logger=wandb: {one_line(error)}; the run itself is complete", file=sys.stderr)
 
 
-def _log(result: Result, config: Config, folder: Path) -> None:
+def _log(result: Result, config: Config, folder: Path, group: str | None) -> None:
     import wandb
 
     options = config.wandb
@@ -31,7 +34,7 @@ def _log(result: Result, config: Config, folder: Path) -> None:
         project=options.project,
         entity=options.entity,
         name=options.name,
-        group=options.group,
+        group=options.group or group,
         tags=options.tags,
         mode=options.mode,  # pyright: ignore[reportArgumentType]
         dir=str(folder),
@@ -43,7 +46,8 @@ def _log(result: Result, config: Config, folder: Path) -> None:
         for step, figures in enumerate(result.history):
             run.log(figures, step=step)
         summary = result_json(result)
-        run.summary.update({key: summary[key] for key in ("verdict", "message", "margin", "seconds", "iterations")})
+        logged = ("verdict", "message", "margin", "seconds", "iterations", "search")  # search: counts, by learner
+        run.summary.update({key: summary[key] for key in logged})
         if summary["closed_loop"]:
             run.summary.update({"closed_loop": summary["closed_loop"]})
         if (folder / PICTURE).exists():

@@ -376,7 +376,7 @@ def _hold(
         return plant.rate(z, held.command, draw, scene(time, z)[1])
 
     def rate(time: Any, z: Array, _: None) -> Array:
-        # adaptive steps would shrink for ever around a rate that is no number: the plant stays there, and is found there
+        # around a rate that is no number adaptive steps would shrink for ever: the plant stays, and is found there
         told = true_rate(time, z)
         return jnp.where(jnp.all(jnp.isfinite(told)), told, 0.0)
 

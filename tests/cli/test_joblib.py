@@ -14,5 +14,5 @@ def test_joblib_sweep_ends_with_its_table(
     done = command("-m", "+path=circle", "path.radius=-1,-2", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
     assert done.returncode == 2, done.stderr
     assert "path.radius: expected a positive finite number, got -2.0" in done.stdout
-    (table,) = tmp_path.glob("multirun/*/*/table.csv")
+    (table,) = tmp_path.glob("multirun/*/table.csv")
     assert table.read_text().count("bad input") == 2

@@ -142,7 +142,7 @@ def test_help_and_configuration_are_shown(train: Callable[..., int], capfd: pyte
 
 
 def _sweep(tmp_path: Path) -> list[dict[str, str]]:
-    (table,) = tmp_path.glob("multirun/*/*/table.csv")
+    (table,) = tmp_path.glob("multirun/*/table.csv")
     with table.open() as file:
         return list(csv.DictReader(file))
 

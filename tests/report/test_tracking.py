@@ -30,7 +30,11 @@ def _run(folder: Path, hand_made: Callable[..., Result], *overrides: str) -> Non
     config = preset("circle", ["logger=wandb", *overrides])
     result = write_run(hand_made(problem_of(config)), folder, yaml_of(config))
     (folder / CERTIFICATE).write_text("{}")
-    track(result, config, folder)
+    track(result.replace(search={"counterexamples": 7}), config, folder, "a sweep")
+
+
+def result_seconds(folder: Path) -> float:
+    return json.loads((folder / "result.json").read_text())["seconds"]["total"]
 
 
 def _inspect(log: Path, *options: str) -> str:
@@ -53,6 +57,8 @@ def test_offline_run_reads_back(hand_made: Callable[..., Result], home: Path, tm
     assert data["summary"]["verdict"] == "inconclusive"
     assert data["summary"]["margin"] == {"certified": None, "falsified": 1 / 3}
     assert data["summary"]["closed_loop"]["missed_goal"] == 0
+    assert data["summary"]["search"] == {"counterexamples": 7}
+    assert data["summary"]["seconds"]["total"] == result_seconds(tmp_path / "run")
     records = [json.loads(line) for line in _inspect(log).splitlines()]
     history = [record["history"]["item"] for record in records if record["type"] == "history"]
     assert [item["margin_falsified"] for item in history] == [0.25, 1 / 3]
