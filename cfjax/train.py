@@ -262,8 +262,9 @@ def summary(result: "Result", objective: "Objective") -> str:
     if result.robustness:
         alone = result.robustness.alone
         rates = zip(problem.vehicle.state_names, alone.disturbance, strict=True)
+        law = " under the law that knows no path" if problem.path.tube else ""
         lines.append(
-            f"absorbs one of: inputs held for {1e3 * alone.period:.3g} ms, data {1e3 * alone.delay:.3g} ms old, a rate "
+            f"absorbs{law} one of: inputs held for {1e3 * alone.period:.3g} ms, data {1e3 * alone.delay:.3g} ms old, a rate "
             f"off by {', '.join(f'{bound:.2g} ({name})' for name, bound in rates)} a second"
         )
     if loop is not None:

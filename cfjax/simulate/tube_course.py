@@ -36,6 +36,7 @@ def along_path(result: Result, file: File | None = None) -> Result:
     return result.replace(
         problem=replace(problem, path=following.path),
         segments=(replace(found, span=(0.0, duration), reference=tube),),
+        robustness=None,  # is of a law that knows no path; the one that drives here is told the curvature
         rollouts=(),
     )
 

@@ -1,6 +1,7 @@
 """Where cars start: random states of I, listed ones, and those at which the funnel has the least to spare."""
 
 import csv
+from functools import partial
 from pathlib import Path
 
 import equinox as eqx
@@ -17,6 +18,7 @@ from cfjax.simulation.track import Track
 
 
 CANDIDATES = 20_000  # on the boundary, at least; of 8 a car
+CLIMBS, TRIES, WIDTH, NARROWER = 12, 32, 0.3, 0.7  # from each of the best: steps, directions tried in each, their size
 INSIDE = 1e-12  # relative: by how much the worst starts lie inside, for rounding
 
 
@@ -34,8 +36,9 @@ def random_starts(problem: Problem, track: Track, count: int, seed: int = 0) -> 
 def worst_starts(track: Track, count: int, seed: int = 0) -> Float[np.ndarray, "k n"]:
     """States on the funnel's inlet, V = 1 at the path's start, where V can be made to fall least.
 
-    The best of many by −min V̇ over the inputs, in 1/s. A third of the candidates lie where one input, or all of them,
-    have no authority over V: there the least is, and random points miss these surfaces.
+    The best of many by −min V̇ over the inputs, in 1/s, each of which then climbs by itself. A third of the candidates
+    lie where one input, or all of them, have no authority over V: there the least is, and random points miss these
+    surfaces.
     """
     return in_world(track, _worst(track, jax.random.key(seed), max(CANDIDATES, 8 * count), count))
 
@@ -43,7 +46,7 @@ def worst_starts(track: Track, count: int, seed: int = 0) -> Float[np.ndarray, "
 @eqx.filter_jit
 def _worst(track: Track, key: Array, tried: int, count: int) -> Float[Array, "count n"]:
     """The deviations of `worst_starts`."""
-    key_sample, key_mask = jax.random.split(key)
+    key_sample, key_mask, key_climb = jax.random.split(key, 3)
     place = track.at(jnp.zeros(()))
     shape, n = place.numbers.shape, place.numbers.shape.shape[0]
     gradient = jax.random.normal(key_sample, (tried, n)) @ jnp.linalg.cholesky(shape).T
@@ -54,9 +57,23 @@ def _worst(track: Track, key: Array, tried: int, count: int) -> Float[Array, "co
     mask = jnp.where(pick[:, None] == 0, acts[None], (jnp.arange(n) == one)[None] & (pick[:, None] == 1))
     x = jnp.linalg.solve(shape, jnp.where(mask, 0.0, gradient).T).T
     level = track.template.level(place.numbers.rate, place.since)
-    x = x * ((1 - INSIDE) * jnp.sqrt(level / jnp.einsum("ki,ij,kj->k", x, shape, x)))[:, None]
-    least = least_rates(track, x)
-    return x[jnp.argsort(-least)[:count]]
+
+    def on_inlet(x: Array) -> Array:
+        size = jnp.einsum("...i,ij,...j->...", x, shape, x)
+        return x * ((1 - INSIDE) * jnp.sqrt(level / size))[..., None]
+
+    def climb(best: Array, now: tuple[Array, Array]) -> tuple[Array, None]:
+        key, width = now
+        # round in the coordinates in which the funnel is; a start that nothing near it surpasses stays
+        turn = jax.random.normal(key, (TRIES, *best.shape)) * jnp.sqrt(jnp.diag(jnp.linalg.inv(shape)) * level)
+        tried = on_inlet(best + width * turn.at[0].set(0.0))
+        rates = jax.vmap(partial(least_rates, track))(tried)
+        return jnp.take_along_axis(tried, jnp.argmax(rates, axis=0)[None, :, None], axis=0)[0], None
+
+    x = on_inlet(x)
+    best = x[jnp.argsort(-least_rates(track, x))[:count]]
+    steps = jax.random.split(key_climb, CLIMBS), WIDTH * NARROWER ** jnp.arange(CLIMBS)
+    return jax.lax.scan(climb, best, steps)[0]
 
 
 @eqx.filter_jit

@@ -190,6 +190,9 @@ def absorbed(result: Result) -> tuple[tuple[str, ...], Rows]:
         rows.append((f"rate off by, a second: {short_label(name)}", number(one, 3), number(other, 3)))
     for name, one, other in zip(states, alone.pose_error, joint.pose_error, strict=True):
         rows.append((f"pose off by: {short_label(name)}", number(one, 3), number(other, 3)))
+    for lower, upper, own in result.robustness.by_speed:
+        speeds = f"inputs held for (ms), chosen at {number(lower, 3)} to {number(upper, 3)} m/s"
+        rows.append((speeds, number(1e3 * own.period, 3), "–"))
     return ("", "by itself", "all at once"), rows
 
 
