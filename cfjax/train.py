@@ -264,8 +264,8 @@ def summary(result: "Result", objective: "Objective") -> str:
         rates = zip(problem.vehicle.state_names, alone.disturbance, strict=True)
         law = " under the law that knows no path" if problem.path.tube else ""
         lines.append(
-            f"absorbs{law} one of: inputs held for {1e3 * alone.period:.3g} ms, data {1e3 * alone.delay:.3g} ms old, a rate "
-            f"off by {', '.join(f'{bound:.2g} ({name})' for name, bound in rates)} a second"
+            f"absorbs{law} one of: inputs held for {1e3 * alone.period:.3g} ms, data {1e3 * alone.delay:.3g} ms old, "
+            f"a rate off by {', '.join(f'{bound:.2g} ({name})' for name, bound in rates)} a second"
         )
     if loop is not None:
         lines.append(
