@@ -1,6 +1,8 @@
 """`python -m cfjax.simulate`: what it writes, and what it says to bad input."""
 
 import json
+import lzma
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +10,14 @@ import pytest
 from PIL import Image
 
 import cfjax.simulate.__main__ as command
-from cfjax.problem import Problem, circle, tube
+from cfjax.problem import Interval, Problem, ball, circle, tube
+from cfjax.result import Absorbed, Robustness
 from cfjax.simulate import experiment
 from cfjax.simulate.tube_course import winding
 from cfjax.verdict import Verdict
+
+
+LIBRARY = "normal-gentle-slow.json.xz"
 
 
 def test_it_writes_summary_cars_picture_and_animation(
@@ -93,6 +99,36 @@ def test_a_missing_extra_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "slipx", None)
     with pytest.raises(InputError, match="pip install slipx"):
         plant_named("slipx", KinematicBicycle())
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_a_tube_is_driven_along_a_path_and_says_nothing_of_periods(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hand_made, given: bool
+) -> None:
+    """Through the points of a file or along one of its own; the law that drives is told the curvature."""
+    bounds = tube(1.2, Interval(0.5, 4.0), 1.0)
+    document = json.loads(lzma.decompress((resources.files("cfjax.tubes") / "library" / LIBRARY).read_bytes()))
+    nothing = Absorbed(0.001, (0.1,) * 4, (0.1,) * 4, 0.001)
+    run = hand_made(Problem(bounds, inlet=ball(0.15), goal=ball(0.25)), margin=0.4, verdict=Verdict.CERTIFIED)
+    run = run.replace(document=document, robustness=Robustness(nothing, 0.9, nothing, 0.9))
+    monkeypatch.setattr(experiment, "read_run", lambda folder: run)
+    angle = np.linspace(0, 2 * np.pi, 60)
+    points = tmp_path / "points.csv"
+    np.savetxt(points, np.column_stack([3 * np.sin(angle), 3 - 3 * np.cos(angle)])[:-10], delimiter=",")
+    starts = tmp_path / "starts.csv"
+    starts.write_text("alpha,x,y,v\n-1.6,0,0,2\n-1.5,0.1,0,2\n-1.5,0,0.1,2\n")
+    asked = experiment.ask(
+        experiment.Question(tmp_path, path=points if given else None, starts=str(starts), n=2, period=0.01)
+    )
+    np.testing.assert_array_equal(asked.starts, [[-1.6, 0, 0, 2], [-1.5, 0.1, 0, 2]])
+    assert asked.result.robustness is None and asked.theta is None
+    if given:
+        ends = asked.problem.path.curve[-1]
+        np.testing.assert_allclose(
+            ends.poses(np.array([ends.duration]))[0, 1:], np.loadtxt(points, delimiter=",")[-1], atol=1e-3
+        )
+    else:
+        assert asked.problem.path.name == "winding"
 
 
 def test_the_winding_path_reaches_nearly_both_ends_of_the_tube() -> None:
