@@ -167,6 +167,7 @@ def run_job(node: "DictConfig") -> "Result | None":
 
     import cfjax.conf
     from cfjax.errors import InputError
+    from cfjax.report.own_vehicle import is_proven_of
     from cfjax.report.resume import is_done, locked
     from cfjax.report.table import ERROR, write_error
 
@@ -181,7 +182,7 @@ def run_job(node: "DictConfig") -> "Result | None":
         with locked(folder, wait=True):  # a worker may outlive the command that was killed
             config = question[0]
             points = file.read_bytes() if (file := cfjax.conf.waypoint_file(config)) else None
-            done = is_done(folder, cfjax.conf.yaml_of(config), points)
+            done = is_done(folder, cfjax.conf.yaml_of(config), points) and is_proven_of(folder, question[1])
             (folder / ERROR).unlink(missing_ok=True)
             if done:
                 print(f"job {folder.name}: done already", flush=True)
@@ -288,7 +289,7 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
     """Typed configuration, problem and options; raises InputError where one of them cannot be."""
     from omegaconf import open_dict
 
-    from cfjax.conf import options_of, problem_of, typed, waypoint_file, with_waypoint_file
+    from cfjax.conf import command_vehicle, options_of, problem_of, typed, waypoint_file, with_waypoint_file
     from cfjax.options import check_question
 
     node = node.copy()
@@ -297,7 +298,7 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
     config = typed(node)
     if file := waypoint_file(config):
         config = with_waypoint_file(config, started_in / file)
-    problem, options = problem_of(config), options_of(config)
+    problem, options = problem_of(config, command_vehicle(config, started_in)), options_of(config)
     check_question(problem, options)
     return config, problem, options
 

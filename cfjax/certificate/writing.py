@@ -26,12 +26,7 @@ Gram = tuple[int, list[int]]  # exponent and lower triangle, `cfjax.certificate.
 def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
     """The question: vehicle, method, input box, path, sets."""
     return {
-        "vehicle": {
-            "name": problem.vehicle.name,
-            "parameters": _parameters(problem.vehicle),
-            "states": list(problem.vehicle.state_names),
-            "dynamics": {"nodes": [_node(node) for node in graph.nodes], "outputs": list(graph.outputs)},
-        },
+        "vehicle": write_vehicle(problem.vehicle, graph),
         "method": "tt" if problem.method is Method.TT else "pf",
         "inputs": [
             {"name": name, "lower": _number(limits.lower), "upper": _number(limits.upper)}
@@ -51,6 +46,16 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
                 for disc in (problem.footprint if problem.obstacles else ())
             ],
         },
+    }
+
+
+def write_vehicle(vehicle: Vehicle, graph: Graph) -> dict[str, Any]:
+    """Name, parameters, states, and the deviation's rate as a graph."""
+    return {
+        "name": vehicle.name,
+        "parameters": _parameters(vehicle),
+        "states": list(vehicle.state_names),
+        "dynamics": {"nodes": [_node(node) for node in graph.nodes], "outputs": list(graph.outputs)},
     }
 
 

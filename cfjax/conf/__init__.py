@@ -7,6 +7,7 @@ package so that the presets travel with it.
 from hydra.core.config_store import ConfigStore
 
 from cfjax.conf.build import (
+    command_vehicle,
     config_of,
     one_line,
     options_of,
@@ -19,14 +20,18 @@ from cfjax.conf.build import (
     with_waypoint_file,
     yaml_of,
 )
-from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config
+from cfjax.conf.own_vehicle import own_vehicle
+from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, CustomConfig
 
 
 __all__ = [
     "Config",
+    "CustomConfig",
+    "command_vehicle",
     "config_of",
     "one_line",
     "options_of",
+    "own_vehicle",
     "preset",
     "preset_names",
     "problem_of",

@@ -10,7 +10,16 @@ from hydra import compose, initialize_config_module
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, PathConfig, VehicleConfig, WaypointsConfig
+from cfjax.conf.own_vehicle import own_vehicle
+from cfjax.conf.schema import (
+    PATH_KINDS,
+    VEHICLE_KINDS,
+    Config,
+    CustomConfig,
+    PathConfig,
+    VehicleConfig,
+    WaypointsConfig,
+)
 from cfjax.errors import InputError
 from cfjax.funnel import Objective
 from cfjax.options import Elimination, Options
@@ -117,6 +126,18 @@ def config_of(text: str) -> Config:
     return typed(node)
 
 
+def command_vehicle(config: Config, started_in: pathlib.Path) -> Vehicle | None:
+    """The vehicle of the user's own that a command line asks for; None where it is another one.
+
+    Not for a configuration that was read from a run's folder.
+
+    Raises:
+        InputError: as `own_vehicle`.
+    """
+    own = config.vehicle
+    return own_vehicle(own.target, own.parameters, started_in) if isinstance(own, CustomConfig) else None
+
+
 def waypoint_file(config: Config) -> pathlib.Path | None:
     """The file whose points the path goes through, if it is such a path."""
     return pathlib.Path(config.path.file) if isinstance(config.path, WaypointsConfig) else None
@@ -127,14 +148,18 @@ def with_waypoint_file(config: Config, file: pathlib.Path) -> Config:
     return dataclasses.replace(config, path=dataclasses.replace(config.path, file=str(file)))
 
 
-def problem_of(config: Config) -> Problem:
-    """The question that the configuration asks; raises InputError where it cannot be asked."""
+def problem_of(config: Config, vehicle: Vehicle | None = None) -> Problem:
+    """The question that the configuration asks, of its vehicle unless one is given.
+
+    Raises:
+        InputError: where it cannot be asked, or its vehicle is a class that a configuration does not load.
+    """
     methods = {method.value: method for method in Method}
     if config.method not in methods:
         raise InputError(f"method: expected one of {', '.join(methods)}, got {config.method}")
     if len(config.timing) != 2:
         raise InputError(f"timing: expected two numbers, lower and upper, got {config.timing}")
-    vehicle = config.vehicle.build()
+    vehicle = vehicle or config.vehicle.build()
     dimension = len(vehicle.state_names)
     safe = config.sets.safe
     return Problem(

@@ -215,7 +215,20 @@ class BicycleConfig(VehicleConfig):
         return KinematicBicycle(self.wheelbase, self.max_tan_steering, self.max_thrust)
 
 
-VEHICLE_KINDS: dict[str, type[VehicleConfig]] = {"bicycle": BicycleConfig}
+@dataclass
+class CustomConfig(VehicleConfig):
+    """A vehicle of the user's own: the name of its class, module.Class, and what it is constructed with."""
+
+    kind: str = "custom"
+    target: str = MISSING
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+    def build(self) -> Vehicle:
+        # config.yaml of a folder that somebody sent must not load code
+        raise InputError(f"vehicle: {self.target} is a class of somebody's own: expected its name on the command line")
+
+
+VEHICLE_KINDS: dict[str, type[VehicleConfig]] = {"bicycle": BicycleConfig, "custom": CustomConfig}
 
 
 @dataclass

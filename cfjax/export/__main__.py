@@ -16,6 +16,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder")
     parser.add_argument("--output", metavar="DIR", type=Path, help="where to write; default: FOLDER/controller")
+    parser.add_argument("--vehicle", metavar="module.Class", help="of a run of your own vehicle: its class")
     options = parser.parse_args(arguments)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     output = options.output or options.folder / "controller"
     try:
-        written = write_controller(read_run(options.folder), output)
+        written = write_controller(read_run(options.folder, options.vehicle), output)
     except InputError as error:
         message = str(error)
     except OSError as error:

@@ -22,6 +22,7 @@ def main(arguments: list[str] | None = None) -> int:
         description="Write the page of a run again, or the index page of a sweep and the pages of its runs.",
     )
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder or a sweep's")
+    parser.add_argument("--vehicle", metavar="module.Class", help="of runs of your own vehicle: its class")
     options = parser.parse_args(arguments)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
@@ -33,10 +34,10 @@ def main(arguments: list[str] | None = None) -> int:
     folder = options.folder
     try:
         if (folder / RESULT).exists():
-            written = [_write_page(folder)]
+            written = [_write_page(folder, options.vehicle)]
         elif holds_sweep(folder):
             runs = sorted(entry for entry in folder.iterdir() if (entry / RESULT).exists())
-            written = [_write_page(run) for run in runs]
+            written = [_write_page(run, options.vehicle) for run in runs]
             written.append(write_index(folder))
         else:
             raise InputError(f"folder: expected a run's folder or a sweep's, got {folder}")
@@ -52,13 +53,13 @@ def main(arguments: list[str] | None = None) -> int:
     return 2
 
 
-def _write_page(folder: Path) -> Path:
+def _write_page(folder: Path, vehicle: str | None) -> Path:
     """Raises InputError where the folder holds no run, or claims what the checker does not accept."""
     from cfjax.report.page import save_page
     from cfjax.report.run_folder import REPORT, confirmed, read_run, write_beside
 
     path = folder / REPORT
-    write_beside(save_page, _with_cars(confirmed(read_run(folder), folder), folder), path)
+    write_beside(save_page, _with_cars(confirmed(read_run(folder, vehicle), folder), folder), path)
     return path
 
 

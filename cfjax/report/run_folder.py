@@ -470,8 +470,11 @@ def numbers_of(vehicle: Vehicle) -> dict[str, Any]:
     return {field.name: getattr(vehicle, field.name) for field in fields}
 
 
-def read_run(folder: Path) -> Result:
+def read_run(folder: Path, vehicle: str | None = None) -> Result:
     """The result that stands in a run folder; its problem is built from config.yaml as it was for the run.
+
+    A vehicle of the user's own is not loaded by what the folder says: `vehicle` names its class, module.Class, whose
+    dynamics have to be those in the certificate.
 
     It is the one that was written, but for the cars' recorded ways, which are not kept, and times, which are rounded;
     the certificate is read, not checked: that is `cfjax.check`'s work.
@@ -480,11 +483,16 @@ def read_run(folder: Path) -> Result:
         InputError: where the folder holds no complete run, or something that is not one.
     """
     from cfjax.conf import problem_of
+    from cfjax.report.own_vehicle import named_vehicle, speaks_of
 
     folder = Path(folder)
     data = read_json(folder / RESULT)
-    problem = problem_of(read_config(folder))
+    config = read_config(folder)
+    own = named_vehicle(folder, config, vehicle)
+    problem = problem_of(config, own)
     document = read_json(folder / CERTIFICATE) if (folder / CERTIFICATE).exists() else None
+    if own is not None and document is not None and not speaks_of(document, own):
+        raise InputError(f"--vehicle: expected the class whose dynamics are in {folder / CERTIFICATE}, got {vehicle}")
     try:
         loop = data["closed_loop"]
         # objective=inlet enlarges the I of the configuration

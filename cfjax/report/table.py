@@ -187,7 +187,6 @@ def _choices(path: Path) -> dict[str, str]:
 
 def _paper_found(config: Config) -> bool | None:
     try:
-        untouched = problem_of(preset(config.path.name))
+        return paper_found(problem_of(config), problem_of(preset(config.path.name)))
     except InputError:
-        return None  # a preset of the user's own, or waypoints
-    return paper_found(problem_of(config), untouched)
+        return None  # a preset of the user's own, waypoints, or a vehicle that a folder does not load

@@ -78,6 +78,7 @@ def _parser() -> Parser:
         help="of a tube: points of the path, a CSV file with x and y (m); default: one that winds from one end of the "
         "tube's curvatures to the other",
     )
+    parser.add_argument("--vehicle", metavar="module.Class", help="of a run of your own vehicle: its class")
     parser.add_argument("--out", type=Path, metavar="DIR", help="where to write; default: FOLDER/simulation")
     parser.add_argument(
         "--animate",
@@ -118,7 +119,7 @@ def _main(options: argparse.Namespace) -> int:
 def _question(options: argparse.Namespace) -> "Question":
     from cfjax.simulate.experiment import Question
 
-    names = ("folder", "plant", "noise", "law", "n", "period", "starts", "seed", "laps", "path")
+    names = ("folder", "plant", "noise", "law", "n", "period", "starts", "seed", "laps", "path", "vehicle")
     return Question(**{name: getattr(options, name) for name in names})
 
 

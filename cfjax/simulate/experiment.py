@@ -39,6 +39,7 @@ class Question:
     seed: int = 0
     laps: int = 1
     path: Path | None = None
+    vehicle: str | None = None  # module.Class, of a run of one's own
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def ask(question: Question) -> Experiment:
     law = law_named(question.law)
     if question.n is not None and question.n < 1:
         raise InputError(f"--n: expected at least one car, got {question.n}")
-    result = read_run(question.folder)
+    result = read_run(question.folder, question.vehicle)
     if result.verdict is not Verdict.CERTIFIED:
         raise InputError(f"{question.folder}: expected a certified run, this one is {result.verdict.value}")
     if result.problem.path.tube or question.path:
