@@ -18,7 +18,7 @@ from cfjax.simulation.track import Track
 
 
 CANDIDATES = 20_000  # on the boundary, at least; of 8 a car
-CLIMBS, TRIES, WIDTH, NARROWER = 12, 32, 0.3, 0.7  # from each of the best: steps, directions tried in each, their size
+CLIMBS, TRIES, WIDTH, NARROWER = 24, 64, 0.3, 0.8  # from each of the best: steps, directions tried in each, their size
 INSIDE = 1e-12  # relative: by how much the worst starts lie inside, for rounding
 
 
@@ -64,9 +64,10 @@ def _worst(track: Track, key: Array, tried: int, count: int) -> Float[Array, "co
 
     def climb(best: Array, now: tuple[Array, Array]) -> tuple[Array, None]:
         key, width = now
-        # round in the coordinates in which the funnel is; a start that nothing near it surpasses stays
-        turn = jax.random.normal(key, (TRIES, *best.shape)) * jnp.sqrt(jnp.diag(jnp.linalg.inv(shape)) * level)
-        tried = on_inlet(best + width * turn.at[0].set(0.0))
+        # in parts of the funnel's half-widths; a start that nothing near it surpasses stays
+        widths = jnp.sqrt(jnp.diag(jnp.linalg.inv(shape)) * level)
+        turn = jax.random.normal(key, (TRIES, *best.shape)) * widths[None, None]
+        tried = on_inlet(best[None] + width * turn.at[0].set(0.0))
         rates = jax.vmap(partial(least_rates, track))(tried)
         return jnp.take_along_axis(tried, jnp.argmax(rates, axis=0)[None, :, None], axis=0)[0], None
 

@@ -38,7 +38,7 @@ def test_a_unicycle_is_certified_checked_driven_and_exported(
     assert train("+path=straight", "sets.inlet=0.3", "sets.safe=null", *own, *small) == 0
     folder = tmp_path / "here"
     result = json.loads((folder / "result.json").read_text())
-    assert result["vehicle"] == {"name": "unicycle", "max_turn": 2.5, "max_thrust": 4.0}
+    assert result["vehicle"].items() >= {"name": "unicycle", "max_turn": 2.5, "max_thrust": 4.0}.items()
     assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
     report = check_file(folder)
     assert report.outcome is Outcome.PROVEN
