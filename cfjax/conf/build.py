@@ -159,17 +159,17 @@ def problem_of(config: Config, vehicle: Vehicle | None = None) -> Problem:
         raise InputError(f"method: expected one of {', '.join(methods)}, got {config.method}")
     if len(config.timing) != 2:
         raise InputError(f"timing: expected two numbers, lower and upper, got {config.timing}")
-    vehicle = vehicle or config.vehicle.build()
-    dimension = len(vehicle.state_names)
+    built: Vehicle = config.vehicle.build() if vehicle is None else vehicle
+    dimension = len(built.state_names)
     safe = config.sets.safe
     return Problem(
-        path=_path_of(config.path, vehicle),
+        path=_path_of(config.path, built),
         inlet=Ellipsoid(_half_axes("sets.inlet", config.sets.inlet, dimension)),
         goal=Ellipsoid(_half_axes("sets.goal", config.sets.goal, dimension)),
         safe=None if safe is None else Box(_half_axes("sets.safe", safe, dimension)),
         obstacles=_obstacles(config.sets.obstacles),
         footprint=_footprint(config.vehicle.footprint),
-        vehicle=vehicle,
+        vehicle=built,
         method=methods[config.method],
         timing=Interval(*config.timing),
         authority=config.authority,
