@@ -122,7 +122,7 @@ CASES = [
     (["+path=circle", "~cars"], "expected a value for cars, got none"),
     (["+path=circle", "~sets.safe"], "sets.safe: SetsConfig (DictConfig) does not support deletion"),
     (["+path=circle", "sets=null"], "field 'sets' is not Optional"),
-    (["+path=circle", "vehicle=truck"], "vehicle: expected one of parkour, got truck"),
+    (["+path=circle", "vehicle=truck"], "vehicle: expected one of custom, parkour, got truck"),
     (["+path=circle", "vehicle.wheelbase=0"], "vehicle.wheelbase: expected a positive finite number, got 0.0"),
     (["+path=circle", "+vehicle.wheels=4"], "vehicle.wheels: no such key"),
     (["+path=circle", "method=both"], "method: expected one of pf, tt, got both"),
