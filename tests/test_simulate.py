@@ -24,7 +24,7 @@ def test_it_writes_summary_cars_picture_and_animation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, hand_made
 ) -> None:
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
-    monkeypatch.setattr(experiment, "read_run", lambda folder: run)
+    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
     monkeypatch.setattr("cfjax.report.animation.FRAMES", 3)
     # as many cars, and the class of plant, as in tests/simulation/test_sampled.py: compiled once for both
     plant = ["--plant", "disturbed:x=0.001", "--n", "16"]
@@ -71,7 +71,7 @@ def test_bad_input_is_one_line(
     if arguments[1] == "commonroad":
         pytest.importorskip("vehiclemodels")
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
-    monkeypatch.setattr(experiment, "read_run", lambda folder: run)
+    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
     assert command.main([str(tmp_path), *arguments]) == 2
     said = capsys.readouterr().err
     assert message in said and said.count("\n") == 1
@@ -83,7 +83,7 @@ def test_no_run_an_uncertified_one_and_words_that_are_no_numbers(
     assert command.main([str(tmp_path / "nowhere")]) == 2
     with pytest.raises(SystemExit, match="2"):
         command.main([str(tmp_path), "--n", "many"])
-    monkeypatch.setattr(experiment, "read_run", lambda folder: hand_made(Problem(circle())))
+    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: hand_made(Problem(circle())))
     assert command.main([str(tmp_path)]) == 2
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 3 and "expected a certified run" in said[-1]
@@ -111,7 +111,7 @@ def test_a_tube_is_driven_along_a_path_and_says_nothing_of_periods(
     nothing = Absorbed(0.001, (0.1,) * 4, (0.1,) * 4, 0.001)
     run = hand_made(Problem(bounds, inlet=ball(0.15), goal=ball(0.25)), margin=0.4, verdict=Verdict.CERTIFIED)
     run = run.replace(document=document, robustness=Robustness(nothing, 0.9, nothing, 0.9))
-    monkeypatch.setattr(experiment, "read_run", lambda folder: run)
+    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
     angle = np.linspace(0, 2 * np.pi, 60)
     points = tmp_path / "points.csv"
     np.savetxt(points, np.column_stack([3 * np.sin(angle), 3 - 3 * np.cos(angle)])[:-10], delimiter=",")
