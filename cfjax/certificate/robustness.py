@@ -109,7 +109,7 @@ def speed_bands(tube: TubeClaim) -> list[fmpq]:
     """Ends of bands of speed, of equal ratio: as many as it takes to stay near BAND, and no more than MOST_BANDS."""
     lower, upper = tube.speed
     count = max(1, min(MOST_BANDS, round(math.log(float(upper / lower), BAND))))
-    inner = [rational(round(float(lower) * float(upper / lower) ** (k / count), 3)) for k in range(1, count)]
+    inner = [rational(float(f"{float(lower) * float(upper / lower) ** (k / count):.3g}")) for k in range(1, count)]
     return [lower, *inner, upper]
 
 

@@ -174,13 +174,14 @@ def _of_tube(
     begins = [tube.speed[0], *ends[:-1]]
     if ends[-1] != tube.speed[1] or any(low >= high for low, high in zip(begins, ends, strict=True) if len(ends) > 1):
         raise Broken("robustness: the bands of speed do not follow each other up to the tube's highest")
+    if any(rational(decimal_text(end, ROUND_FLOOR)) != end for end in ends[:-1]):
+        raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
     bands = tuple(zip(begins, ends, strict=True))
     rates = tuple(
         tube_rates(problem, dynamics, tube, funnel, band, shell, stretch.pieces, effort)
         for band, stretch in zip(bands, hints, strict=True)
     )
-    by_speed = tuple(_absorbed((one,)).alone for one in rates)
-    return replace(_absorbed(rates), bands=bands, by_speed=by_speed)
+    return replace(_absorbed(rates), bands=bands, by_speed=_by_speed(rates))
 
 
 # --- what follows from the bounds
@@ -214,6 +215,12 @@ def _absorbed(rates: Sequence[Rates]) -> Robustness:
         ),
     )
     return Robustness(replace(alone, pose_error=tuple(errors)), min(levels), joint, level, tuple(rates))
+
+
+def _by_speed(rates: Sequence[Rates]) -> tuple[Absorbed, ...]:
+    """What is absorbed by itself in each band; errors of the pose are those of all bands, whose level is told."""
+    every = _absorbed(rates).alone.pose_error
+    return tuple(replace(_absorbed((one,)).alone, pose_error=every) for one in rates)
 
 
 def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
