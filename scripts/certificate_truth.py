@@ -412,7 +412,7 @@ def evaluate(problem: Document, x: np.ndarray, inputs: dict[str, float], referen
     values |= {f"input:{name}": value for name, value in inputs.items()}
     values |= {f"reference:{name}": value for name, value in reference.items()}
     binary = {"add": np.add, "sub": np.subtract, "mul": np.multiply}
-    unary = {"neg": np.negative, "sin": np.sin, "cos": np.cos, "tan": np.tan, "inv": np.reciprocal}
+    unary = {"neg": np.negative, "sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt, "inv": np.reciprocal}
     done: list[Any] = []
     for op, *args in vehicle["dynamics"]["nodes"]:
         if op == "input":

@@ -12,8 +12,8 @@ from cfjax.check.enclosure import Enclosure, UnaryEnclosure, proven_bound
 
 
 # with sin to the third and cos to the fourth power, V̇ is of degree six: what the sums of squares are made for
-DEGREES = {"sin": 3, "cos": 4, "tan": 3, "inv": 3}
-FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "inv": np.reciprocal}
+DEGREES = {"sin": 3, "cos": 4, "tan": 3, "sqrt": 3, "inv": 3}
+FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt, "inv": np.reciprocal}
 PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}
 SAMPLES = 64  # Chebyshev nodes
 WIDENING = fmpq(1, 1000)  # of the range, so that it stays valid under small changes of the funnel
@@ -40,6 +40,8 @@ def fit(function: str, lower: fmpq, upper: fmpq) -> tuple[fmpq, ...]:
     low, high = float(lower), float(upper)
     if function == "inv" and low <= 0 <= high:
         raise ValueError("inv has a pole in the range of its argument: division by what may be zero in the funnel")
+    if function == "sqrt" and low <= 0:
+        raise ValueError("sqrt of what may not be positive in the funnel")
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
     series = Chebyshev.fit(nodes, FUNCTIONS[function](nodes), DEGREES[function], domain=[low, high])
     fitted = series.convert(kind=Polynomial).coef

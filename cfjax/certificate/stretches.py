@@ -221,12 +221,17 @@ def decreases_on(
 
 
 def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
-    """Degrees of the monomials: the least for which both sides of the identity can have the same degree."""
-    cells = list(question.cells())
-    constraints = zip(*(question.constraints(cell) for cell in cells), strict=True)
-    limits = [max(int(g.total_degree()) for g in column) for column in constraints]
-    order = -(-max([int(question.target(cell).total_degree()) for cell in cells] + limits) // 2)
-    return (order, *((2 * order - limit) // 2 for limit in limits))
+    """Degrees of the monomials: the least for which both sides of the identity can have the same degree.
+
+    An authority of a high degree is cut, for its Gram matrix to have more than a constant.
+    """
+    order = -(-max(int(question.target(cell).total_degree()) for cell in question.cells()) // 2)
+    slopes = [
+        max(int(question.authority(piece, name).total_degree()) for piece in question.pieces)
+        for name in question.free_inputs
+    ]
+    least = min(1, order - 1)
+    return (order, *(max(least, (2 * order - degree) // 2) for degree in slopes), order - 1, order - 1)
 
 
 class _TooLittle(Exception):

@@ -18,7 +18,7 @@ from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
 
 PROFILE_INPUTS = ReferencePoint._fields
 BINARY = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
-UNARY = {"neg": "neg", "sin": "sin", "cos": "cos", "tan": "tan"}
+UNARY = {"neg": "neg", "sin": "sin", "cos": "cos", "tan": "tan", "sqrt": "sqrt"}
 TRANSPARENT = ("copy", "stop_gradient")
 CAST = "convert_element_type"
 POWERS = ("div", "integer_pow", "square")

@@ -10,7 +10,8 @@ y: these share the s_i below, which are then those of their nominal reference.
 
 The shell is cut at the q where `drop` has its kink, and each piece into the cells of one sign pattern of the
 polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
-of one vertex u of the input box. On a cell
+of one vertex u of the input box. (So they are cut at the degree for which there is room beside their Gram matrices.) On
+a cell
 
     p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
@@ -212,13 +213,24 @@ class SteadyDecrease(FunnelProgram):
             found[name] = self.domain.sum(high, self.domain.negative(low))
         return found
 
+    def authority(self, piece: LevelPiece, name: str) -> fmpq_mpoly:
+        """∂(V̇)/∂(input) on a piece, before it is cut."""
+        slope = self.slopes[name]
+        return self.domain.sum(slope, piece.timing_at(self.form)) if name == "u0" else slope
+
     def constraints(self, cell: Cell) -> list[fmpq_mpoly]:
         """Polynomials that are not negative on the cell: ± s_i, q − q_lo, q_hi − q."""
         piece = self.pieces[cell.piece]
         found = []
-        for name, sign in zip(self.free_inputs, cell.signs, strict=True):
-            slope = self.slopes[name]
-            if name == "u0":
-                slope = self.domain.sum(slope, piece.timing_at(self.form))
+        for name, sign, degree in zip(self.free_inputs, cell.signs, self.degrees[1:], strict=False):
+            slope = cut(self.authority(piece, name), 2 * (self.degrees[0] - degree))
             found.append(slope if sign > 0 else self.domain.negative(slope))
         return [*found, self.form - piece.lower, piece.upper - self.form]
+
+
+def cut(polynomial: fmpq_mpoly, degree: int) -> fmpq_mpoly:
+    """The terms up to the degree."""
+    if polynomial.total_degree() <= degree:
+        return polynomial
+    terms = polynomial.to_dict().items()
+    return polynomial.context().from_dict({e: c for e, c in terms if sum(map(int, e)) <= degree})

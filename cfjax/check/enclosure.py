@@ -62,7 +62,7 @@ def proven_bound(function: str, coefficients: tuple[fmpq, ...], lower: fmpq, upp
     Taylor series on subintervals, Lagrange's remainder with the last coefficient taken over the whole subinterval.
 
     Raises:
-        ValueError: where f has a pole in the range, or is not a function of `UNARY_FUNCTIONS`.
+        ValueError: where f has a pole in the range, or the square root its end.
     """
     polynomial = fmpq_poly(list(coefficients))
     half = (upper - lower) / (2 * SUBINTERVALS)
@@ -100,10 +100,11 @@ def _taylor(function: str, at: arb) -> list[arb]:
         result = [(-1) ** k / at ** (k + 1) for k in range(SERIES_ORDER)]
     else:
         series = arb_series([at, 1], prec=SERIES_ORDER)
-        value = {"sin": series.sin, "cos": series.cos, "tan": series.tan}[function]()
+        value = {"sin": series.sin, "cos": series.cos, "tan": series.tan, "sqrt": series.sqrt}[function]()
         result = [value[order] for order in range(SERIES_ORDER)]
     if not all(term.is_finite() for term in result):
-        raise ValueError(f"{function} has a pole in the range of its argument, or too close to it")
+        what = "is not smooth" if function == "sqrt" else "has a pole"
+        raise ValueError(f"{function} {what} in the range of its argument, or too close to it")
     return result
 
 

@@ -18,7 +18,7 @@ ARITHMETIC: dict[str, Callable[..., Any]] = {
     "mul": lambda a, b: a * b,
     "neg": lambda a: -a,
 }
-UNARY_FUNCTIONS = ("sin", "cos", "tan", "inv")  # inv(t) = 1/t
+UNARY_FUNCTIONS = ("sin", "cos", "tan", "sqrt", "inv")  # inv(t) = 1/t
 ARITY = {"input": 0, "constant": 0, "add": 2, "sub": 2, "mul": 2, "neg": 1} | dict.fromkeys(UNARY_FUNCTIONS, 1)
 
 

@@ -130,7 +130,8 @@ def _value_rate(
     values |= {f"reference:{name}": arb(value) for name, value in profile.items()}
 
     def apply(_: int, function: str, argument: arb) -> arb:
-        return {"sin": argument.sin, "cos": argument.cos, "tan": argument.tan, "inv": lambda: 1 / argument}[function]()
+        named = {"sin": arb.sin, "cos": arb.cos, "tan": arb.tan, "sqrt": arb.sqrt, "inv": lambda t: 1 / t}
+        return named[function](argument)
 
     rates = problem.vehicle.graph.evaluate(values, arb, apply)
     gradient = [2 * sum((c * xj for c, xj in zip(row, witness.x, strict=True)), fmpq(0)) for row in funnel.shape]

@@ -35,7 +35,7 @@ from cfjax.check.symbolic import Symbolic
 Range = tuple[fmpq, fmpq]
 TURN_RATE, SPEED = "reference:turn_rate", "reference:speed"
 TURN_RATE_SLOPE, SPEED_SLOPE = "reference:turn_rate_slope", "reference:speed_slope"
-PARITY = {"sin": -1, "cos": 1, "tan": -1, "inv": -1}
+PARITY = {"sin": -1, "cos": 1, "tan": -1, "inv": -1}  # the square root is neither even nor odd
 
 
 @dataclass(frozen=True)
@@ -143,11 +143,11 @@ def _mirrors(dynamics: Symbolic, states: int, inputs: int) -> Iterator[tuple[int
 
 
 def _take_parity(signs: dict[int, int], index: int, function: tuple[str, fmpq_mpoly]) -> bool:
-    """Note the sign of a function's symbol; False where its argument is neither even nor odd."""
+    """Note the sign of a function's symbol; False where it is neither even nor odd."""
     name, argument = function
     parity = _parity(argument, signs)
-    signs[index] = PARITY[name] if parity == -1 else 1
-    return parity is not None
+    signs[index] = PARITY.get(name, 0) if parity == -1 else 1
+    return parity is not None and signs[index] != 0
 
 
 def _parity(polynomial: fmpq_mpoly, signs: Mapping[int, int]) -> int | None:

@@ -54,7 +54,7 @@ def locate(problem: Problem, legs: Sequence[Leg], states: ArrayLike) -> Located:
         raise InputError(f"states: expected rows ({names}), got shape {states.shape}")
     if not np.isfinite(states).all():
         raise InputError("states: expected finite numbers")
-    profiles, poses = _course(problem.path)
+    profiles, poses = _course(problem.path, problem.side_slip)
     begins = [0.0, *(leg.end for leg in legs)]
     found = []
     for leg, (begin, end) in zip(legs, itertools.pairwise(begins), strict=True):
@@ -67,8 +67,8 @@ def locate(problem: Problem, legs: Sequence[Leg], states: ArrayLike) -> Located:
 
 
 @lru_cache(maxsize=8)
-def _course(path: Path) -> tuple[Pieces, Pieces]:
-    return profiles_of(path), poses_of(path)
+def _course(path: Path, side_slip: float) -> tuple[Pieces, Pieces]:
+    return profiles_of(path), poses_of(path, side_slip)
 
 
 @partial(jax.jit, static_argnames=("vehicle", "template"))

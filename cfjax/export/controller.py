@@ -133,7 +133,8 @@ def _tables(result: Result) -> dict[str, str]:
     vehicle, names = problem.vehicle, _inputs(problem)
     brakes = {name: vehicle.state_names.index(state) for name, state in vehicle.brakes}
     profiles, poses = (
-        jax.tree.map(np.asarray, pieces) for pieces in (profiles_of(problem.path), poses_of(problem.path))
+        jax.tree.map(np.asarray, pieces)
+        for pieces in (profiles_of(problem.path), poses_of(problem.path, problem.side_slip))
     )
     if (poses.origin != poses.begin[:, None]).any():
         raise AssertionError("the pose's cubics count from where they begin")

@@ -118,7 +118,7 @@ class Affine:
         return self._each(make("neg", self.value), lambda a: make("neg", a), self)
 
     def applied(self, name: str) -> "Affine":
-        """sin, cos, tan or inv of it."""
+        """sin, cos, tan, sqrt or inv of it."""
         make = self.pool.make
         value = make(name, self.value)
         if name == "sin":
@@ -127,6 +127,8 @@ class Affine:
             factor = make("neg", make("sin", self.value))
         elif name == "tan":
             factor = make("add", self.pool.constant(1.0), make("mul", value, value))
+        elif name == "sqrt":
+            factor = make("inv", make("add", value, value))
         else:
             factor = make("neg", make("mul", value, value))
         return self._each(value, lambda a: make("mul", factor, a), self)

@@ -134,12 +134,14 @@ def profiles_of(path: Path) -> Pieces:
     return _joined([_profiles(segment, order) for segment in path.curve], _since(path))
 
 
-def poses_of(path: Path) -> Pieces:
+def poses_of(path: Path, side_slip: float) -> Pieces:
     """Heading (rad) and position (m, inertial frame) along a path of segments, three columns, to 1e-8 m and rad.
 
-    Headings go on as the segments state them, without wrapping.
+    The heading is that of the vehicle which moves along the path: the tangent's, and its side slip
+    (`Problem.side_slip`, rad). Headings go on as the segments state them, without wrapping.
     """
-    return _joined([_pose_cubics(segment) for segment in path.curve], _since(path))
+    pieces = _joined([_pose_cubics(segment) for segment in path.curve], _since(path))
+    return pieces._replace(coefficients=pieces.coefficients.at[:, 0, 0].add(side_slip))
 
 
 def point_at(

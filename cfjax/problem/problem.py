@@ -14,7 +14,7 @@ from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, dista
 from cfjax.problem.path import Path, Segment
 from cfjax.problem.sets import Box, Ellipsoid, ball
 from cfjax.problem.tube import Tube
-from cfjax.problem.vehicle import Interval, KinematicBicycle, Vehicle
+from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
 
 
 POSES = 401  # per segment, at which the reference's distance from obstacles is looked at
@@ -136,9 +136,42 @@ class Problem:
             )
         return np.concatenate([[1.0], u])
 
+    @cached_property
+    def side_slip(self) -> float:
+        """By how much the vehicle that moves along the path looks to the left of the path's tangent, rad."""
+        return self._side_slip(_points(self.path.segments[0])[0])
+
+    def _side_slip(self, point: ReferencePoint) -> float:
+        """Of the vehicle's reference; it has to move at the path's speed and turn at its rate.
+
+        Raises:
+            InputError: where it does not.
+        """
+        twist = Twist(*(float(each) for each in self.vehicle.reference(point.turn_rate, point.speed)[0]))
+        speed = math.copysign(math.hypot(twist.lateral, twist.forward), point.speed)
+        apart = max(abs(speed - point.speed), abs(twist.turn - point.turn_rate))
+        if not apart <= FOLLOWS * max(1.0, abs(point.speed), abs(point.turn_rate)):
+            raise InputError(
+                f"vehicle {self.vehicle.name}: expected a reference that moves along the path, at {point.speed:.4g} "
+                f"m/s and {point.turn_rate:.4g} rad/s; got one at {speed:.4g} m/s and {twist.turn:.4g} rad/s"
+            )
+        way = math.copysign(1.0, point.speed)
+        return math.atan2(way * twist.lateral, way * twist.forward)
+
+    def _check_side_slip(self, place: str, point: ReferencePoint) -> None:
+        """The reference's heading is the tangent's but for one angle: with another one it would not be its motion."""
+        slip = self._side_slip(point)
+        if abs(slip - self.side_slip) > FOLLOWS:
+            raise InputError(
+                f"path: {place} has the vehicle {self.vehicle.name} look {slip:.4g} rad away from the path's tangent, "
+                f"and {self.side_slip:.4g} rad where it begins; expected one angle all along, as on a straight line or "
+                "a circle"
+            )
+
     def _check_reference(self, index: int, segment: Segment) -> None:
         for theta in _grid(segment):
             point = segment.point(theta)
+            self._check_side_slip(f"segment {index} at theta = {theta:.4g} s", point)
             if excess := self._excess(point):
                 turning = f" (radius there: {abs(point.speed / point.turn_rate):.4g} m)" if point.turn_rate else ""
                 raise InputError(f"path: segment {index} at theta = {theta:.4g} s needs {excess}{turning}")
@@ -148,6 +181,7 @@ class Problem:
         for group in tube.references():
             for point in group:
                 straight = point._replace(turn_rate=0.0)
+                self._check_side_slip(f"curvature {point.turn_rate / point.speed:.4g} 1/m of the tube", point)
                 if excess := self._excess(straight):
                     raise InputError(f"path.acceleration: {point.speed_slope:g} m/s² needs {excess}")
                 if excess := self._excess(point):
@@ -159,6 +193,11 @@ class Problem:
 
     def _check_obstacles(self) -> None:
         """The reference itself has to clear every obstacle, or nothing that surrounds it does."""
+        if self.obstacles and self.side_slip:
+            raise InputError(
+                f"sets.obstacles: expected none for the vehicle {self.vehicle.name}, which looks "
+                f"{self.side_slip:.4g} rad away from the path's tangent"
+            )
         if not self.footprint:
             raise InputError("vehicle.footprint: expected at least one disc")
         for disc in self.footprint:

@@ -34,7 +34,8 @@ def mirror_signs(vehicle: Vehicle) -> tuple[int, ...] | None:
         for inputs in itertools.product(*may_flip):
             flipped = x * jnp.array(signs, float)[None, :], u * jnp.array(inputs, float)[None, :]
             other = np.asarray(_rates(vehicle, *flipped, turned))
-            if np.allclose(other, rates * np.array(signs)[None, :], rtol=TOLERANCE, atol=TOLERANCE):
+            known = np.isfinite(rates).all(axis=1) & np.isfinite(other).all(axis=1)  # not every reference is one of its
+            if known.any() and np.allclose(other[known], (rates * signs)[known], rtol=TOLERANCE, atol=TOLERANCE):
                 return signs
     return None
 

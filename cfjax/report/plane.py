@@ -16,7 +16,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Outline
 
 from cfjax.funnel import Funnel
-from cfjax.problem import Disc, FootprintDisc, Obstacle, Path
+from cfjax.problem import Disc, FootprintDisc, Obstacle, Problem
 from cfjax.problem.course import poses_of
 from cfjax.report.along import spans_of
 from cfjax.report.style import (
@@ -50,10 +50,10 @@ Poses = Float[np.ndarray, "t 3"]  # heading (rad) and position (m), inertial fra
 
 
 class Course:
-    """Poses along the whole path."""
+    """Poses of the vehicle that moves along the whole path."""
 
-    def __init__(self, path: Path) -> None:
-        self.pieces = jax.tree.map(np.asarray, poses_of(path))
+    def __init__(self, problem: Problem) -> None:
+        self.pieces = jax.tree.map(np.asarray, poses_of(problem.path, problem.side_slip))
 
     def __call__(self, theta: Float[np.ndarray, " t"]) -> Poses:
         begin = self.pieces.begin
@@ -146,7 +146,7 @@ class Plane:
 
     def __init__(self, result: Result) -> None:
         problem = result.problem
-        self.result, self.course = result, Course(problem.path)
+        self.result, self.course = result, Course(problem)
         theta = self.course.between(0.0, sum(s.duration for s in problem.path.curve), math.inf, MOST_OUTLINES)
         self.line = self.course(theta)[:, 1:]
         self.obstacles = [obstacle_region(obstacle) for obstacle in problem.obstacles]

@@ -273,14 +273,18 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def reference_csv(problem: Problem) -> str:
-    """Samples of the path: segment, theta (s), alpha (rad), x, y (m), v (m/s), omega (rad/s); full precision."""
+    """Samples of the path: segment, theta (s), alpha (rad), x, y (m), v (m/s), omega (rad/s); full precision.
+
+    alpha is the heading of the vehicle that moves along it.
+    """
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(["segment", "theta", "alpha", "x", "y", "v", "omega"])
     for index, segment in enumerate(problem.path.curve):
         theta = np.linspace(0.0, segment.duration, REFERENCE_ROWS)
         profile = [segment.speed.polynomial(theta), segment.turn_rate.polynomial(theta)]
-        for row in np.column_stack([theta, segment.poses(theta), *profile]):
+        poses = segment.poses(theta) + [problem.side_slip, 0.0, 0.0]
+        for row in np.column_stack([theta, poses, *profile]):
             writer.writerow([index, *(repr(float(value)) for value in row)])
     return file.getvalue()
 

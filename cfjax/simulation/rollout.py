@@ -250,7 +250,7 @@ def drive_cars(
     table = table_of(problem, legs, profiles)
     around = None
     if problem.obstacles:
-        around = (poses_of(problem.path), surroundings(problem.obstacles, problem.footprint))
+        around = (poses_of(problem.path, problem.side_slip), surroundings(problem.obstacles, problem.footprint))
     end, step = np.asarray(table.loop.end), np.asarray(table.loop.step)
     # at the slowest timing; each leg ends within a step of its own
     limit = int(np.ceil(np.diff(end, prepend=0.0) / step / problem.inputs[0].lower + 1).sum()) + 1

@@ -13,13 +13,15 @@ RANGES = {
     "sin": [(-1, 1), (-3, 3), (fmpq(1, 3), 2), (-7, -5)],
     "cos": [(-1, 1), (-3, 3), (fmpq(1, 3), 2), (-7, -5)],
     "tan": [(-1, 1), (fmpq(-3, 2), fmpq(3, 2)), (2, 4)],
+    "sqrt": [(fmpq(1, 2), 3), (fmpq(1, 50), fmpq(1, 10)), (2, 5)],
     "inv": [(fmpq(1, 2), 3), (-5, -1), (fmpq(1, 5), 1)],
 }
 CASES = [(function, fmpq(low), fmpq(high)) for function, ranges in RANGES.items() for low, high in ranges]
 
 
 def value(function: str, t: fmpq) -> arb:
-    return {"sin": arb.sin, "cos": arb.cos, "tan": arb.tan, "inv": lambda ball: 1 / ball}[function](arb(t))
+    named = {"sin": arb.sin, "cos": arb.cos, "tan": arb.tan, "sqrt": arb.sqrt, "inv": lambda ball: 1 / ball}
+    return named[function](arb(t))
 
 
 @pytest.fixture
@@ -57,6 +59,14 @@ def test_remainders_hold_at_random_points_and_ends(
 def test_poles_are_refused(function: str, low: int, high: int) -> None:
     with pytest.raises(ValueError, match="pole"):
         proven_bound(function, (fmpq(0), fmpq(1)), fmpq(low), fmpq(high))
+
+
+@pytest.mark.parametrize("low", [fmpq(-1), fmpq(-1, 10**9), fmpq(0)])
+def test_the_end_of_the_square_root_is_refused(low: fmpq) -> None:
+    with pytest.raises(ValueError, match="not smooth"):
+        proven_bound("sqrt", (fmpq(0), fmpq(1)), low, fmpq(1))
+    with pytest.raises(ValueError, match="may not be positive"):
+        fit("sqrt", low, fmpq(1))
 
 
 def test_an_enclosure_that_claims_too_much_does_not_exist() -> None:

@@ -455,12 +455,16 @@ def test_parity_of_functions() -> None:
         ("cos", ("mul", "a", "b")),
         ("inv", ("add", 2, ("mul", "a", "a"))),
         ("cos", ("sin", "a")),
+        ("sqrt", ("add", 2, ("mul", "a", "a"))),
     ):
         assert mirrored(dynamics(FIRST, ("add", SECOND, even)))
         assert not mirrored(dynamics(("add", FIRST, even), SECOND))
     for odd in (("sin", "a"), ("tan", ("mul", "a", "b")), ("inv", "a"), ("sin", ("tan", "a"))):
         assert mirrored(dynamics(("add", FIRST, odd), SECOND))
         assert not mirrored(dynamics(FIRST, ("add", SECOND, odd)))
+    for neither in (("sqrt", "a"), ("sqrt", ("add", 2, "a"))):
+        assert not mirrored(dynamics(FIRST, ("add", SECOND, neither)))
+        assert not mirrored(dynamics(("add", FIRST, neither), SECOND))
 
 
 def test_the_search_for_a_mirror_is_paid_for() -> None:

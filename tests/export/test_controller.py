@@ -194,7 +194,7 @@ def test_a_step_from_the_inertial_frame(controller_of: ControllerOf, case: str) 
     """State in, physical command out; the heading may have turned any number of times."""
     result, controller = controller_of(case)
     problem, count, dt = result.problem, 2000, 1e-3
-    profiles, poses = profiles_of(problem.path), poses_of(problem.path)
+    profiles, poses = profiles_of(problem.path), poses_of(problem.path, problem.side_slip)
     theta, leg, x = places(result, count)
     at = jnp.asarray(theta)
     point, pose = point_at(profiles, profiles.find(at), at), tuple(p for p, _ in poses.at(poses.find(at), at))

@@ -57,12 +57,12 @@ def test_points_are_those_of_the_segment(path: Path) -> None:
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.name)
 def test_poses_are_the_integral(path: Path) -> None:
     theta, own, local = along(path, 3000)
-    poses, at = poses_of(path), jnp.asarray(theta)
+    poses, at = poses_of(path, 0.0), jnp.asarray(theta)
     found = np.stack([place for place, _ in poses.at(poses.find(at), at)], axis=1)
     for index, segment in enumerate(path.curve):
         np.testing.assert_allclose(found[own == index], segment.poses(local[own == index]), rtol=0, atol=3e-8)
 
 
 def test_cells_grow_with_the_path() -> None:
-    short, long = (poses_of(ellipse(laps=laps)).begin.shape[0] for laps in (1, 4))
+    short, long = (poses_of(ellipse(laps=laps), 0.0).begin.shape[0] for laps in (1, 4))
     assert long == 4 * short < 4000
