@@ -21,7 +21,7 @@ from cfjax.certificate.stretches import NotProven
 from cfjax.certificate.writing import Gram, with_hash, write_grams, write_unary
 from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, read_certificate
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
-from cfjax.check.held import HeldCell, HeldMotion, derivative_of
+from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
 from cfjax.check.held_hints import CLAIM
 from cfjax.check.piece import between
 from cfjax.check.rational import rational
@@ -119,10 +119,12 @@ def _levels(motion: HeldMotion, pool: ThreadPoolExecutor) -> dict[str, Any]:
     motion = replace(motion, whitening=round_whitening(shape / float(motion.peak)))
     enclosures: dict[int, UnaryEnclosure] = {}
     slopes: dict[int, UnaryEnclosure] = {}
+    wanted = derivatives_of(motion.graph, motion.states)
 
     def fit_here(node: int, function: str, argument: Enclosure) -> Enclosure:
         enclosures[node] = enclose(function, argument)
-        slopes[node] = enclose(derivative_of(function)[0], argument)
+        if node in wanted:
+            slopes[node] = enclose(wanted[node], argument)
         return argument.apply(enclosures[node])
 
     motion.rates(motion.vertices[0], fit_here)

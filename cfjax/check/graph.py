@@ -84,6 +84,13 @@ class Graph:
         """The nodes that apply one of `UNARY_FUNCTIONS`, with its name."""
         return {index: node.op for index, node in enumerate(self.nodes) if node.op in UNARY_FUNCTIONS}
 
+    def functions_of(self, names: Sequence[str]) -> dict[int, str]:
+        """Those of `functions` whose argument depends on one of the named inputs."""
+        depends: list[bool] = []
+        for node in self.nodes:
+            depends.append(node.name in names or any(depends[arg] for arg in node.args))
+        return {index: name for index, name in self.functions().items() if depends[index]}
+
     def inputs(self) -> Sequence[str]:
         """Names of the inputs, in order of appearance."""
         return [node.name for node in self.nodes if node.name is not None]

@@ -74,15 +74,18 @@ def require_affine(dynamics: Symbolic, parameters: Mapping[str, Range]) -> None:
             raise Broken("vehicle: held inputs need dynamics that are affine in each input")
 
 
-def derivative_of(function: str) -> tuple[str, int]:
-    """f' as another function and its sign.
+def derivatives_of(graph: Graph, states: Sequence[str]) -> dict[int, str]:
+    """For each node that applies a function to what changes with the states, the function that is its derivative.
 
     Raises:
         Broken: it is none that the proof knows.
     """
-    if function not in DERIVATIVES:
-        raise Broken(f"vehicle: held inputs are proven for dynamics of {', '.join(DERIVATIVES)} only, not {function}")
-    return DERIVATIVES[function]
+    functions = graph.functions_of(states)
+    for function in functions.values():
+        if function not in DERIVATIVES:
+            known = " and ".join(DERIVATIVES)
+            raise Broken(f"vehicle: held inputs are proven where only {known} are of the states, not {function}")
+    return {node: DERIVATIVES[function][0] for node, function in functions.items()}
 
 
 class HeldCell(NamedTuple):
@@ -128,7 +131,8 @@ class HeldMotion(FunnelProgram):
     `parameters` is the box by the graph's names (`input:…`, `reference:…`); `spare` is what V̈/σ may be above its
     largest value at a vertex (`Terms`).
     Of the parameter `mirrored`, where one is named, the upper end speaks for the lower one.
-    `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for its derivative.
+    `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for its derivative
+    where that is asked for (`derivatives_of`).
     """
 
     graph: Graph
@@ -197,7 +201,7 @@ class HeldMotion(FunnelProgram):
         value = argument.value.apply(self.enclosures[node])
         if argument.slope is None:
             return Dual(value)
-        _, sign = derivative_of(function)
+        _, sign = DERIVATIVES[function]
         slope = argument.value.apply(self.derivatives[node]) * argument.slope
         return Dual(value, slope if sign > 0 else -slope)
 

@@ -48,7 +48,7 @@ from cfjax.check.held import (
     HeldMotion,
     Terms,
     asked_name,
-    derivative_of,
+    derivatives_of,
     held_pieces,
     require_affine,
 )
@@ -367,7 +367,11 @@ class _Sizes(NamedTuple):
     slopes: tuple[fmpq, ...]  # |∂V̇/∂x_i|
     speeds: tuple[fmpq, ...]  # |ẋ_i|
     stir: fmpq  # |∂V̇/∂θ u0|, by V's own rate and by the reference's
-    gains: dict[str, fmpq]  # |∂V̇/∂r|
+    terms: Terms
+
+    def gain(self, name: str) -> fmpq:
+        """|∂V̇/∂(parameter of the reference)|."""
+        return self.terms.gain(name) / self.least_level
 
 
 def motions(
@@ -464,7 +468,7 @@ def _prove_levels(
     for (motion, terms), own in zip(asked, hints, strict=True):
         functions = problem.vehicle.graph.functions()
         enclosures = prove_enclosures(own.enclosures, functions, effort)
-        slopes = {node: derivative_of(name)[0] for node, name in functions.items()}
+        slopes = derivatives_of(problem.vehicle.graph, problem.vehicle.states)
         derivatives = prove_enclosures(own.derivatives, slopes, effort)
         told = replace(motion, whitening=own.whitening, enclosures=enclosures, derivatives=derivatives)
         found.append(_prove_sizes(told, terms, own.cells, effort))
@@ -502,7 +506,7 @@ def _prove_sizes(
         slopes=tuple(slopes),
         speeds=tuple(speeds),
         stir=own + terms.wander / piece.least_drop,
-        gains={name: terms.gain(name) / piece.least_drop for name in terms.slopes},
+        terms=terms,
     )
 
 
@@ -529,5 +533,5 @@ def _jump(before: Piece, after: Piece, found: Sequence[_Sizes]) -> fmpq:
     """By how much V̇ jumps where one piece follows another one."""
     ends = {name: evaluate(values, before.duration) for name, values in _profile(before).items()}
     starts = {name: values[0] for name, values in _profile(after).items()}
-    gains = {name: max(sizes.gains[name] for sizes in found) for name in found[0].gains}
-    return sum((abs(starts[name] - ends[name]) * gain for name, gain in gains.items()), fmpq(0))
+    apart = {name: abs(starts[name] - ends[name]) for name in found[0].terms.slopes}
+    return sum((gap * max(sizes.gain(name) for sizes in found) for name, gap in apart.items() if gap), fmpq(0))

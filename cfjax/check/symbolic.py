@@ -11,6 +11,7 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax.check.enclosure import Domain, Enclosure
 from cfjax.check.graph import Graph
+from cfjax.check.rational import sqrt_upper
 from cfjax.check.reader import Broken
 
 
@@ -72,7 +73,9 @@ class Symbolic:
         return total
 
     def size(self, polynomial: fmpq_mpoly, sizes: Mapping[str, fmpq]) -> fmpq:
-        """A rational that is at least |polynomial| where every named quantity is at most its size, |sin|, |cos| ≤ 1.
+        """A rational that is at least |polynomial| where every named quantity is at most its size.
+
+        |sin| and |cos| are at most 1, a square root is at most that of its argument's size.
 
         Raises:
             ValueError: the polynomial has another function in it.
@@ -86,10 +89,19 @@ class Symbolic:
                     continue
                 if index < len(self.names):
                     term *= sizes[self.names[index]] ** power
-                elif self.functions[index][0] not in DERIVATIVES:
-                    raise ValueError(f"no bound is known of {self.functions[index][0]}")
+                else:
+                    term = term * self._largest(index, sizes) ** power if term else term
             total += term
         return total
+
+    def _largest(self, index: int, sizes: Mapping[str, fmpq]) -> fmpq:
+        """A rational that is at least the size of the function with this index."""
+        function, argument = self.functions[index]
+        if function == "sqrt":
+            return sqrt_upper(self.size(argument, sizes))
+        if function not in DERIVATIVES:
+            raise ValueError(f"no bound is known of {function}")
+        return fmpq(1)
 
 
 def symbolic(graph: Graph, states: tuple[str, ...], inputs: tuple[str, ...]) -> Symbolic:

@@ -283,7 +283,7 @@ def reference_csv(problem: Problem) -> str:
     for index, segment in enumerate(problem.path.curve):
         theta = np.linspace(0.0, segment.duration, REFERENCE_ROWS)
         profile = [segment.speed.polynomial(theta), segment.turn_rate.polynomial(theta)]
-        poses = segment.poses(theta) + [problem.side_slip, 0.0, 0.0]
+        poses = segment.poses(theta) + np.array([problem.side_slip, 0.0, 0.0])
         for row in np.column_stack([theta, poses, *profile]):
             writer.writerow([index, *(repr(float(value)) for value in row)])
     return file.getvalue()

@@ -5,16 +5,35 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import cfjax.export.__main__ as export
 import cfjax.simulate.__main__ as simulate
 from cfjax.check import Outcome, check_file
 from cfjax.errors import InputError
-from cfjax.problem import ReferencePoint, deviation_rate
+from cfjax.plants.model import world_rate
+from cfjax.problem import (
+    Disc,
+    Problem,
+    ReferencePoint,
+    Twist,
+    Vehicle,
+    ball,
+    circle,
+    deviation_rate,
+    ellipse,
+    straight,
+    tube,
+)
+from cfjax.problem import Path as Course
+from cfjax.problem.course import poses_of
 from cfjax.report.run_folder import read_run
 from cfjax.verdict import Verdict
+from experiments.vehicles.front_axle import FrontAxleCar
 from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
 
@@ -100,8 +119,8 @@ def test_a_sweep_runs_a_job_again_whose_vehicle_has_changed(
     assert "done already" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("vehicle", [Unicycle(), SteeredCar()], ids=lambda vehicle: vehicle.name)
-def test_deviations_are_those_of_the_inertial_model(vehicle: Unicycle | SteeredCar) -> None:
+@pytest.mark.parametrize("vehicle", [Unicycle(), SteeredCar(), FrontAxleCar()], ids=lambda vehicle: vehicle.name)
+def test_deviations_are_those_of_the_inertial_model(vehicle: Vehicle) -> None:
     """Along a curvature that changes: the deviation's rate against differences of two motions in the world frame."""
     rng = np.random.default_rng(0)
     h = 1e-5
@@ -113,9 +132,11 @@ def test_deviations_are_those_of_the_inertial_model(vehicle: Unicycle | SteeredC
         def reference(theta: float, point: ReferencePoint = point) -> tuple[np.ndarray, np.ndarray]:
             """Pose, from the origin on, and internal states."""
             turn, speed = point.turn_rate + theta * point.turn_rate_slope, point.speed + theta * point.speed_slope
+            twist, internal = vehicle.reference(turn, speed)
             heading = theta * point.turn_rate
-            pose = np.array([heading, -theta * speed * np.sin(heading / 2), theta * speed * np.cos(heading / 2)])
-            return pose, np.array(vehicle.reference(turn, speed)[1], float)
+            c, s = np.cos(heading / 2), np.sin(heading / 2)
+            moved = twist.lateral * c - twist.forward * s, twist.lateral * s + twist.forward * c
+            return np.array([heading, theta * moved[0], theta * moved[1]]), np.array(internal, float)
 
         def deviation(time: float, x: np.ndarray = x, u0: float = u0, u: np.ndarray = u) -> np.ndarray:
             internal = x[3:] + reference(0.0)[1]
@@ -133,3 +154,71 @@ def test_deviations_are_those_of_the_inertial_model(vehicle: Unicycle | SteeredC
 
         expected = (deviation(h) - deviation(-h)) / (2 * h)
         np.testing.assert_allclose(deviation_rate(vehicle, tuple(x), (u0, *u), point), expected, atol=1e-8)
+
+
+# --- a vehicle that does not look along the path
+
+
+def test_a_front_axle_is_certified_and_driven(train: Callable[..., int], tmp_path: Path) -> None:
+    """Its body looks to the outside of the circle, its authority over V has terms beyond the identity's degree."""
+    own = ("vehicle=custom", "vehicle.target=experiments.vehicles.front_axle.FrontAxleCar")
+    assert train("+path=circle", *own, "cars=50", "restarts=1", "rounds=1", "hydra.run.dir=here") == 0
+    folder = tmp_path / "here"
+    report = check_file(folder)
+    assert report.outcome is Outcome.PROVEN and 'vehicle "front_axle_car"' in report.message
+    result = json.loads((folder / "result.json").read_text())
+    # the square root in the reference changes with no state: held inputs are proven in spite of it
+    assert 1e-4 < result["robustness"]["period"] < 0.1
+    assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
+
+
+def test_a_reference_in_the_world_moves_as_the_vehicle_does() -> None:
+    """Held by the inputs that it needs, from where the path has it: the front axle stays on the circle."""
+    problem = Problem(circle(), vehicle=FrontAxleCar())
+    point = problem.path.curve[0].point(0.0)
+    assert problem.side_slip == pytest.approx(-np.arcsin(0.34 / 1.5), abs=1e-12)
+    held = tuple(map(jnp.asarray, problem.feedforward(point)[1:]))
+    pieces = poses_of(problem.path, problem.side_slip)
+
+    def pose(theta: float) -> np.ndarray:
+        at = jnp.array([theta], float)
+        return np.array([float(value[0]) for value, _ in pieces.at(pieces.find(at), at)])
+
+    start = np.concatenate([pose(0.0), np.array(problem.vehicle.reference(point.turn_rate, point.speed)[1], float)])
+    at = jax.jit(lambda z: world_rate(problem.vehicle, z, held))
+    way = solve_ivp(lambda _, z: np.asarray(at(jnp.asarray(z))), (0, 6), start, rtol=1e-9, atol=1e-9, t_eval=[2, 5])
+    for theta, z in zip(way.t, way.y.T, strict=True):
+        np.testing.assert_allclose(z[:3], pose(theta), atol=1e-6)
+        assert np.hypot(z[1], z[2]) == pytest.approx(1.5, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("path", "told", "message"),
+    [
+        (
+            ellipse(),
+            {},
+            r"segment 0 at theta = .* look -0\.\d+ rad away from the path's tangent, .* one angle",
+        ),
+        (tube(1.0), {}, "of the tube has the vehicle front_axle_car look"),
+        (circle(), {"obstacles": (Disc(9.0, 9.0, 1.0),)}, "sets.obstacles: expected none for the vehicle"),
+        (circle(0.3), {}, "expected a reference that moves along the path"),  # no front axle turns on less than l
+    ],
+)
+def test_where_the_angle_changes_is_no_path_of_it(path: Course, told: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Problem(path, vehicle=FrontAxleCar(), goal=ball(0.8), **told)
+
+
+def test_obstacles_are_fine_where_the_body_looks_along_the_path() -> None:
+    assert Problem(straight(), vehicle=FrontAxleCar(), obstacles=(Disc(0.0, 9.0, 1.0),)).side_slip == 0
+
+
+class _Late(Unicycle):
+    def reference(self, turn_rate: float, speed: float) -> tuple[Twist, tuple]:
+        return Twist(turn_rate, 0.0, 0.9 * speed), (0.9 * speed,)
+
+
+def test_a_reference_has_the_speed_of_the_path() -> None:
+    with pytest.raises(InputError, match=r"at 2 m/s and 0 rad/s; got one at 1\.8 m/s"):
+        Problem(straight(), vehicle=_Late())
