@@ -26,7 +26,7 @@ from cfjax.certificate.writing import write_problem
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import FunnelClaim, Room, SegmentClaim, document_hash, read_problem
 from cfjax.check.enclosure import Budget, Enclosure
-from cfjax.check.held import HeldCell, HeldMotion, Terms, derivative_of
+from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
 from cfjax.check.held_hints import read_stretch
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness
@@ -168,13 +168,14 @@ def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]
     segment = claim.distinct[0]
     assert isinstance(segment, SegmentClaim)
     one = round_funnel(funnel, problem.path.segments[0])
+    slopes = derivatives_of(graph, claim.vehicle.states)
     told = FunnelClaim(funnel.template.name, one.shape, one.rate, one.beta_lower, one.beta_inner, fmpq(1), None)
     found = []
     for motion, terms in motions(claim, dynamics, segment.pieces, told, (fmpq(0), segment.duration)):
         hints: tuple[dict, dict] = {}, {}
 
         def fit(node: int, function: str, argument: Enclosure, hints: tuple[dict, dict] = hints) -> Enclosure:
-            hints[0][node], hints[1][node] = enclose(function, argument), enclose(derivative_of(function)[0], argument)
+            hints[0][node], hints[1][node] = enclose(function, argument), enclose(slopes[node], argument)
             return argument.apply(hints[0][node])
 
         motion = replace(motion, whitening=round_whitening(funnel.shape / float(motion.peak)))

@@ -59,7 +59,7 @@ class Crab(KinematicBicycle):
     """Its reference slides sideways, which the bicycle cannot."""
 
     def reference(self, turn_rate, speed):
-        return Twist(turn=turn_rate, lateral=0.5, forward=speed), (speed,)
+        return Twist(turn=turn_rate, lateral=0.6 * speed, forward=0.8 * speed), (0.8 * speed,)
 
 
 def test_reference_that_is_no_motion_of_the_vehicle_is_refused() -> None:
