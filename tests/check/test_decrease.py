@@ -150,3 +150,19 @@ def test_quadratic_forms_and_monomials() -> None:
         y = rng.integers(-3, 4, size=4)
         z = np.array([int(np.prod([int(v) ** k for v, k in zip(y, e, strict=True)])) for e in basis])
         assert polynomial(*(fmpq(int(v)) for v in y)) == fmpq(int(z @ gram @ z))
+
+
+def test_signs_are_read_off_what_the_identity_has_room_for() -> None:
+    """An authority of degree d with a Gram matrix of degree k is cut at 2 (order − k); both its signs at the same."""
+    decrease, _, _ = question("contracting", "pf")
+    assert decrease.degrees == (3, 2, 2, 2, 2, 2)
+    whole = {name: decrease.authority(decrease.pieces[0], name) for name in decrease.free_inputs}
+    assert max(int(polynomial.total_degree()) for polynomial in whole.values()) == 2  # nothing to cut
+    short = replace(decrease, degrees=(2, 2, 1, 2, 2, 2))
+    for cell in short.cells():
+        for degree, own, sign, found in zip(
+            short.degrees[1:], whole.values(), cell.signs, short.constraints(cell)[:3], strict=False
+        ):
+            kept = {e: sign * c for e, c in own.to_dict().items() if sum(map(int, e)) <= 2 * (2 - degree)}
+            assert found.to_dict() == kept
+        assert short.constraints(cell)[3:] == decrease.constraints(cell)[3:]  # levels are what they are

@@ -60,3 +60,40 @@ def test_a_derivative_without_a_symbol_is_refused() -> None:
     dynamics = symbolic(Graph(nodes, (2,)), ("x",), ())
     with pytest.raises(ValueError, match="not its derivative"):
         dynamics.derivative(dynamics.rates[0], "x")
+
+
+def test_a_square_root_is_at_most_that_of_its_arguments_size() -> None:
+    """√(x² − 3x) (1 − x) for |x| ≤ 2: term by term the argument is at most 10, the factor at most 3."""
+    nodes = [
+        Node("input", name="x"),
+        Node("mul", (0, 0)),
+        Node("constant", value=fmpq(3)),
+        Node("mul", (2, 0)),
+        Node("sub", (1, 3)),
+        Node("sqrt", (4,)),
+        Node("mul", (5, 0)),
+        Node("sub", (5, 6)),
+        Node("inv", (0,)),
+        Node("mul", (8, 5)),
+    ]
+    dynamics = symbolic(Graph(tuple(nodes), (7, 9)), ("x",), ())
+    bound = dynamics.size(dynamics.rates[0], {"x": fmpq(2)})
+    assert 3 * math.sqrt(10) <= float(bound) <= 3 * math.sqrt(10) + 1e-9
+    with pytest.raises(ValueError, match="no bound is known of inv"):
+        dynamics.size(dynamics.rates[1], {"x": fmpq(2)})
+    assert dynamics.size(dynamics.rates[1] * dynamics.symbols["x"], {"x": fmpq(0)}) == 0  # nothing times anything
+
+
+def test_functions_of_some_of_the_inputs() -> None:
+    nodes = [
+        Node("input", name="x"),
+        Node("input", name="r"),
+        Node("sqrt", (1,)),
+        Node("sin", (0,)),
+        Node("mul", (2, 3)),
+        Node("cos", (4,)),
+        Node("tan", (2,)),
+    ]
+    graph = Graph(tuple(nodes), (5, 6))
+    assert graph.functions_of(("x",)) == {3: "sin", 5: "cos"}
+    assert graph.functions_of(("r",)) == {2: "sqrt", 5: "cos", 6: "tan"}
