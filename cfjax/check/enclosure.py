@@ -171,7 +171,7 @@ class Domain:
     def _length(self, polynomial: fmpq_mpoly) -> int:
         """Bits of the longest coefficient: a look at each of them."""
         self.budget.spend(4 * len(polynomial))
-        return max(map(bits, polynomial.coeffs()), default=0)
+        return max(map(fmpq.height_bits, polynomial.coeffs()), default=0)
 
     def sizes(self, polynomial: fmpq_mpoly) -> list[fmpq]:
         """Rationals c_d with |polynomial(y)| ≤ Σ c_d |y|^d: Cauchy–Schwarz on each homogeneous part.

@@ -69,7 +69,7 @@ def pi_upper() -> fmpq:
 
 def bits(value: fmpq) -> int:
     """How long a rational is: bits of the longer one of numerator and denominator."""
-    return max(int(value.p).bit_length(), int(value.q).bit_length())
+    return value.height_bits()
 
 
 def decimal_text(value: fmpq, rounding: str = ROUND_HALF_EVEN) -> str:
