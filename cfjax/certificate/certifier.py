@@ -31,9 +31,10 @@ from cfjax.check import Outcome, check_document
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.containment import broken_containments
 from cfjax.check.document import MOST_GRAM_ENTRIES, Course, FunnelClaim, ProblemClaim, read_problem
-from cfjax.check.proof import broken_link, links
+from cfjax.check.proof import broken_link, links, require_meaning
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken
+from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim
 from cfjax.errors import InputError
 from cfjax.falsifier import Suspect
@@ -93,6 +94,7 @@ def certify(
     try:
         started = time.perf_counter()
         claim = read_problem(question)
+        require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
         clearance = _prove_sets(problem, claim, rounded)
         clock["exact"] += time.perf_counter() - started
         room = MOST_GRAM_ENTRIES

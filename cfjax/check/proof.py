@@ -11,6 +11,7 @@ the reference jumps by so little that √V_j changes by at most δ (in speed, an
 
 from collections.abc import Iterator, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR
+from itertools import pairwise
 
 from flint import fmpq, fmpq_mat
 
@@ -30,12 +31,13 @@ from cfjax.check.document import (
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfjax.check.piece import between
+from cfjax.check.polynomial import evaluate
 from cfjax.check.program import CellProof
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, is_closed
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import TubeClaim, is_mirrored, place_of, require_tube_structure
+from cfjax.check.tube import TURN_RATE_SLOPE, TubeClaim, is_mirrored, place_of, require_tube_structure
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
@@ -55,6 +57,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
     course = problem.course
     kinds = course.kinds if isinstance(course, Course) else (0,)
     effort = Budget(MOST_EFFORT)
+    require_meaning(problem, dynamics)
     for index, (segment, funnel) in enumerate(zip(problem.distinct, funnels, strict=True)):
         broken = broken_containments(
             problem.vehicle.states,
@@ -69,7 +72,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
         if broken:
             raise Broken(_of(index, kinds) + "; ".join(broken))
     if isinstance(course, Course):
-        _prove_links(problem, course, funnels)
+        _prove_links(course, funnels)
         _prove_clearance(certificate, course)
     elif problem.obstacles:
         raise Broken("condition (c): a tube has no place, so that it clears no obstacle")
@@ -110,9 +113,41 @@ def links(course: Course) -> Iterator[tuple[int, int, Gap]]:
         yield len(course.segments) - 1, 0, course.reference.gap
 
 
-def _prove_links(problem: ProblemClaim, course: Course, funnels: Sequence[FunnelClaim]) -> None:
-    if (len(course.segments) > 1 or course.closed) and problem.vehicle.name not in KNOWN_VEHICLES:
-        raise Broken(f"vehicle: segments are linked for {', '.join(KNOWN_VEHICLES)} only, whose states have a meaning")
+def follows_turning(dynamics: Symbolic) -> bool:
+    """Whether states of the reference that are no pose change with the turning rate: then the rates read its slope."""
+    return dynamics.depends_on(TURN_RATE_SLOPE)
+
+
+def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
+    """That nothing is asked of a vehicle's states but what its dynamics say, where the checker knows nothing else.
+
+    The states of its reference that are no pose depend on the path's speed and turning rate: where segments meet they
+    jump if these do. What a pose or a gap in it means is known of `KNOWN_VEHICLES` alone.
+
+    Raises:
+        Broken: says what is asked.
+    """
+    course, known = problem.course, ", ".join(KNOWN_VEHICLES)
+    if problem.vehicle.name in KNOWN_VEHICLES or not isinstance(course, Course):
+        return
+    if course.closed:
+        raise Broken(f"vehicle: laps are closed for {known} only, whose states have a meaning")
+    if problem.obstacles:
+        raise Broken(f"vehicle: obstacles are cleared by {known} only, whose states have a meaning")
+    for index, (one, other) in enumerate(pairwise(course.segments)):
+        before, after = one.pieces[-1], other.pieces[0]
+        jumps = [("speed", before.end_speed, after.speed[0])]
+        if follows_turning(dynamics):
+            jumps.append(("turning rate", evaluate(before.turn_rate, before.duration), after.turn_rate[0]))
+        for label, end, start in jumps:
+            if end != start:
+                raise Broken(
+                    f"chain, from segment {index} to segment {index + 1}: the {label} jumps, and with it states of a "
+                    f"vehicle that is none of {known}"
+                )
+
+
+def _prove_links(course: Course, funnels: Sequence[FunnelClaim]) -> None:
     if course.closed and not is_closed(course.reference.gap):
         raise Broken("path: the end of the lap is not its start")
     for before, after, gap in links(course):
@@ -128,8 +163,6 @@ def _prove_clearance(certificate: Certificate, course: Course) -> None:
     problem = certificate.problem
     if not problem.obstacles:
         return
-    if problem.vehicle.name not in KNOWN_VEHICLES:
-        raise Broken(f"vehicle: obstacles are cleared by {', '.join(KNOWN_VEHICLES)} only, whose states have a meaning")
     if not problem.footprint:
         raise Broken("condition (c): there are obstacles, and no footprint that could clear them")
     budget = Budget(CLEARANCE_EFFORT)

@@ -20,7 +20,7 @@ from cfjax.check.containment import half_widths
 from cfjax.check.decrease import contraction_way
 from cfjax.check.document import TEMPLATES, Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
 from cfjax.check.held_hints import read_hints
-from cfjax.check.proof import prove_funnels
+from cfjax.check.proof import follows_turning, prove_funnels
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
@@ -222,6 +222,12 @@ def _check_problem(problem: ProblemClaim) -> tuple[str, Symbolic]:
     if check_known_vehicle(name, parameters, problem.vehicle.states, problem.inputs, dynamics):
         return described, dynamics
     unknown = f"{described}, a name unknown to this checker: its dynamics are those of the graph in the file,"
+    if isinstance(problem.course, Course) and len(problem.course.segments) > 1:
+        on = "speed and turning rate" if follows_turning(dynamics) else "speed"
+        unknown += (
+            " its reference looks along the path, or at one angle to it all along, and what else it has of states "
+            f"depends on the path's {on} alone,"
+        )
     return unknown, dynamics
 
 

@@ -1,5 +1,6 @@
 """Curved paths in several segments with obstacles: a certificate against the truth, and against whoever bends it."""
 
+import contextlib
 import copy
 import json
 from collections.abc import Callable
@@ -15,10 +16,13 @@ from cfjax.certificate.stretches import round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_problem, write_witness
 from cfjax.check import Outcome, check_document
-from cfjax.check.document import document_hash
+from cfjax.check.document import document_hash, read_problem
+from cfjax.check.proof import require_meaning
 from cfjax.check.rational import rational
+from cfjax.check.reader import Broken
+from cfjax.check.symbolic import symbolic
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Method, Path, Problem, Segment, affine_deviation, ball
+from cfjax.problem import Method, Path, Pose, Problem, Profile, Segment, affine_deviation, ball
 from cfjax.problem.obstacles import disc_centres, distances
 from tests.check.courses import SHAPE, bend, kink_document, lap_problem
 
@@ -297,8 +301,8 @@ ATTACKS: dict[str, tuple[Callable[[Document], object], str]] = {
     "half-planes missing": (lambda d: d["proofs"].update(clearance=[]), "expected a list of 4"),
     "obstacle's half-planes missing": (lambda d: d["proofs"]["clearance"][0].pop(), "expected a list of 2"),
     "disc's half-planes missing": (lambda d: d["proofs"]["clearance"][0][0].pop(), "expected a list of 2"),
-    "another vehicle": (another_vehicle, "segments are linked for kinematic_bicycle only"),
-    "another vehicle's links": (another_vehicle_on_an_open_path, "segments are linked for kinematic_bicycle only"),
+    "another vehicle": (another_vehicle, "laps are closed for kinematic_bicycle only"),
+    "another vehicle's links": (another_vehicle_on_an_open_path, "the speed jumps, and with it states of a vehicle"),
     "funnel missing": (lambda d: d["funnels"].pop(), "expected 2, one for each kind"),
     "margin per metre": (lambda d: d["funnels"][1].update(margin_per_metre="1/9"), "claimed for a segment"),
 }
@@ -382,6 +386,33 @@ def test_a_slope_that_is_zero_all_along_does_no_harm(lap: Document) -> None:
     half = str(Fraction(piece["duration"]) / 2)
     path(lap)["pieces"] = [{**piece, "duration": half}, {**piece, "duration": half}]
     assert checked(lap).outcome is Outcome.PROVEN  # in two pieces that say the same
+
+
+@pytest.mark.parametrize(
+    ("follows", "jump", "message"),
+    [
+        (False, {}, ""),
+        (True, {}, ""),
+        (False, {"turn_rate": "1/1000000000"}, ""),  # states that depend on the speed alone
+        (True, {"turn_rate": "1/1000000000"}, "from segment 0 to segment 1: the turning rate jumps"),
+        (False, {"speed": "1/1000000000"}, "from segment 0 to segment 1: the speed jumps"),
+    ],
+)
+def test_states_that_nobody_knows_must_not_jump_between_segments(follows: bool, jump: dict, message: str) -> None:
+    parts = ((1.0, Pose(0.0, 0.0, 0.0)), (2.0, Pose(0.0, 0.0, 1.0)))
+    segments = (Segment(Profile.constant(0.0, end), Profile.constant(1.0, end), start) for end, start in parts)
+    problem = Problem(Path("two", tuple(segments)))
+    document = {"problem": write_problem(problem, trace_deviation(problem.vehicle))}
+    another_vehicle(document)
+    if follows:
+        slope_enters(document)
+    _, second = path(document)["pieces"]
+    for profile, by in jump.items():
+        moved(second[profile], 0, by)
+    claim = read_problem(document["problem"])
+    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
+    with pytest.raises(Broken, match=message) if message else contextlib.nullcontext():
+        require_meaning(claim, dynamics)
 
 
 # --- witnesses on a curve --------------------------------------------------------------------------------------------

@@ -257,7 +257,7 @@ def test_another_name_is_a_claim_about_the_graph(certificate: dict[str, Any]) ->
     certificate["problem"]["vehicle"]["name"] = "my_car"
     report = check_document(renewed(certificate))
     assert report.outcome is Outcome.BROKEN  # that a lap leads to the next is said of states with a meaning only
-    assert "segments are linked for kinematic_bicycle only" in report.message
+    assert "laps are closed for kinematic_bicycle only" in report.message
     certificate["problem"]["path"]["closed"] = False
     report = check_document(renewed(certificate))
     assert report.outcome is Outcome.PROVEN
