@@ -169,6 +169,7 @@ def run_job(node: "DictConfig") -> "Result | None":
     from cfjax.errors import InputError
     from cfjax.report.own_vehicle import is_proven_of
     from cfjax.report.resume import is_done, locked
+    from cfjax.report.run_folder import COMMAND
     from cfjax.report.table import ERROR, write_error
 
     context = HydraConfig.get()
@@ -176,7 +177,7 @@ def run_job(node: "DictConfig") -> "Result | None":
     try:
         question = _question(node, Path(context.runtime.cwd))
         given = context.overrides.task if context.mode == RunMode.MULTIRUN else sys.argv[1:]
-        command = shlex.join(["python", "-m", "cfjax.train", *given])
+        command = shlex.join([*COMMAND, *given])
         if context.mode != RunMode.MULTIRUN:
             return run(*question, folder, command)
         with locked(folder, wait=True):  # a worker may outlive the command that was killed

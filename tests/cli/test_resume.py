@@ -61,6 +61,23 @@ def test_a_run_of_another_question_answers_for_no_job(train: Callable[..., int],
     assert pl.read_csv(tmp_path / "sw" / "table.csv")["verdict"].to_list()[1] == "bad input"
 
 
+def test_hydras_own_files_may_be_cut_off(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
+    """They are the only ones that are not written whole; a finished job needs none of them, and all are made anew."""
+    assert train(*SWEEP) == 0
+    sweep = tmp_path / "sw"
+    (sweep / "2" / "result.json").unlink()
+    whole = {file: file.read_text() for file in (*sweep.glob("*/.hydra/*.yaml"), sweep / "multirun.yaml")}
+    assert len(whole) == 10
+    for file, text in whole.items():
+        file.write_text(text[: len(text) - 3])
+    assert cfjax.gather.main(["sw"]) == 0
+    gathered = pl.read_csv(sweep / "gathered" / "table.csv", infer_schema=False)
+    assert gathered["swept.path.speed"].to_list()[:2] == ["1", "2"]
+    assert train(*SWEEP) == 0
+    assert pl.read_csv(sweep / "table.csv")["swept.path.speed"].to_list() == [1, 2, 3]
+    assert {file: file.read_text() for file in whole} == whole
+
+
 KILLED = """
 import sys, time
 import cfjax.train, cfjax.synthesis
