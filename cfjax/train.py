@@ -171,9 +171,11 @@ def run_job(node: "DictConfig") -> "Result | None":
     from cfjax.report.resume import is_done, locked
     from cfjax.report.run_folder import COMMAND
     from cfjax.report.table import ERROR, write_error
+    from cfjax.report.tracking import track_again
 
     context = HydraConfig.get()
     folder = Path(context.runtime.output_dir)
+    group = folder.parent.name  # where a sweep is logged
     try:
         question = _question(node, Path(context.runtime.cwd))
         given = context.overrides.task if context.mode == RunMode.MULTIRUN else sys.argv[1:]
@@ -187,8 +189,10 @@ def run_job(node: "DictConfig") -> "Result | None":
             (folder / ERROR).unlink(missing_ok=True)
             if done:
                 print(f"job {folder.name}: done already", flush=True)
+                if config.logger == "wandb":
+                    track_again(config, folder, group)
                 return None
-            return run(*question, folder, command, group=folder.parent.name)
+            return run(*question, folder, command, group)
     except Exception as error:
         if context.mode != RunMode.MULTIRUN:
             raise

@@ -11,8 +11,11 @@ import polars as pl
 import pytest
 
 import cfjax.gather
+import cfjax.report.tracking
 import cfjax.synthesis
 import cfjax.train
+from cfjax.conf import Config
+from cfjax.result import Result
 
 
 SWEEP = ("-m", "+path=circle", "path.speed=1,2,3", "hydra.sweep.dir=sw")
@@ -59,6 +62,27 @@ def test_a_run_of_another_question_answers_for_no_job(train: Callable[..., int],
     config.write_text(config.read_text().replace("seed: 0", "seed: 1"))
     assert train(*SWEEP) == 2
     assert pl.read_csv(tmp_path / "sw" / "table.csv")["verdict"].to_list()[1] == "bad input"
+
+
+def test_a_job_whose_log_was_cut_off_is_logged_again(
+    train: Callable[..., int], quick: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logged: list[tuple[float, str | None]] = []
+
+    def log(result: Result, config: Config, folder: Path, group: str | None) -> None:
+        speed = result.problem.path.segments[0].point(0.0).speed
+        logged.append((speed, group))
+        (folder / "wandb" / f"offline-run-{len(logged)}").mkdir(parents=True)
+        if len(logged) == 2:
+            raise RuntimeError("cut off")
+
+    monkeypatch.setattr(cfjax.report.tracking, "_log", log)
+    assert train(*SWEEP, "logger=wandb") == 0
+    assert train(*SWEEP, "logger=wandb") == 0
+    assert logged == [(1.0, "sw"), (2.0, "sw"), (3.0, "sw"), (2.0, "sw")]
+    assert [path.name for path in (tmp_path / "sw" / "1" / "wandb").iterdir()] == ["offline-run-4"]
+    assert train(*SWEEP, "logger=wandb") == 0
+    assert len(logged) == 4
 
 
 def test_hydras_own_files_may_be_cut_off(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
