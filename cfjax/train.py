@@ -101,6 +101,7 @@ def prepare_environment() -> None:
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a local Ray reports to nobody
 
 
 def _main() -> int:
@@ -150,6 +151,7 @@ def _main() -> int:
             raise
         traceback.print_exc()  # a launcher that broke down: what the jobs left is still told
         _finish_sweep(Checks.sweep)
+        print("the launcher broke down before all jobs had ended; the same command goes on", file=sys.stderr)
         return NOT_CERTIFIED
     if Checks.sweep is not None:
         return _finish_sweep(Checks.sweep)
