@@ -112,7 +112,7 @@ def _main() -> int:
 
     from cfjax.conf import one_line, with_path
     from cfjax.errors import InputError
-    from cfjax.report.resume import sweep_identity, sweep_name
+    from cfjax.report.resume import at_work, sweep_identity, sweep_name
 
     given, unknown = get_args_parser().parse_known_args()
     if unknown:
@@ -127,12 +127,14 @@ def _main() -> int:
         sys.argv[begin : begin + len(given.overrides)] = overrides
     results: list[Result] = []
     refusals: list[InputError] = []
+    command = os.getpid()  # a job may run in a worker, which has another one
 
     @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
     def job(node: "DictConfig") -> None:
         try:
-            if (result := run_job(node)) is not None:
-                results.append(result)
+            with at_work(command):
+                if (result := run_job(node)) is not None:
+                    results.append(result)
         except InputError as error:  # kept from Hydra, which would add lines of its own
             refusals.append(error)
 

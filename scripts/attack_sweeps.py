@@ -43,6 +43,7 @@ WHAT = ("command and workers", "command alone", "one worker")
 HYDRAS = {".hydra", "multirun.yaml"}  # not written whole, but anew each time
 SOONER = 0.7  # of the undisturbed sweep's time, which began with nothing compiled: when a kill comes at the latest
 PATIENCE = 300.0  # s that a command may take, on a busy machine
+GRACE = 30.0  # s in which a worker without command ends its job and itself
 SAME = ("certificate.json", "reference.csv", "config.yaml", "funnel.png")  # byte for byte
 
 
@@ -58,6 +59,7 @@ class Sweep:
         self.place = place
         self.finished: dict[str, bytes] = {}  # result.json of every job, as it was first seen
         self.begun_again = 0
+        self.orphans: list[psutil.Process] = []  # workers whose command was killed
 
     @property
     def folder(self) -> Path | None:
@@ -169,7 +171,7 @@ def workers(command: psutil.Process) -> list[psutil.Process]:
     return found
 
 
-def kill(process: "subprocess.Popen[bytes]", rng: random.Random) -> str:
+def kill(sweep: Sweep, process: "subprocess.Popen[bytes]", rng: random.Random) -> str:
     """Kill a running command in one of the three ways; says in which."""
     there = workers(psutil.Process(process.pid))
     what = rng.choice(WHAT if there else WHAT[:2])
@@ -177,9 +179,19 @@ def kill(process: "subprocess.Popen[bytes]", rng: random.Random) -> str:
         os.killpg(process.pid, signal.SIGKILL)
     elif what == WHAT[1]:
         process.kill()
+        sweep.orphans += there
     else:
         rng.choice(there).kill()
     return what
+
+
+def left_alone(orphans: list[psutil.Process]) -> int:
+    """Workers that are still there a while after their command was killed; they are ended."""
+    _, alive = psutil.wait_procs(orphans, timeout=GRACE)
+    for process in alive:
+        with suppress(psutil.NoSuchProcess):
+            process.kill()
+    return len(alive)
 
 
 def disturbed(sweep: Sweep, longest: float, rng: random.Random, kills: Counter[str]) -> None:
@@ -190,7 +202,7 @@ def disturbed(sweep: Sweep, longest: float, rng: random.Random, kills: Counter[s
         while time.monotonic() < moment and process.poll() is None:
             time.sleep(0.01)
         if process.poll() is None:
-            what = kill(process, rng)
+            what = kill(sweep, process, rng)
             ended = process.wait(PATIENCE)
             if what == WHAT[2] and ended == 0:
                 what = "one worker, which was idle"
@@ -215,7 +227,7 @@ def main() -> int:
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     rng, begin = random.Random(options.seed), time.monotonic()
     kills: Counter[str] = Counter()
-    rounds = begun_again = 0
+    rounds = begun_again = alone = left = 0
     try:
         calm = Sweep(root / "undisturbed")
         if code := calm.start().wait(PATIENCE):
@@ -229,6 +241,8 @@ def main() -> int:
             disturbed(sweep, longest, rng, kills)
             sweep.see_end(calm)
             begun_again += sweep.begun_again
+            alone += len(sweep.orphans)
+            left += left_alone(sweep.orphans)
             print(f"sweep {rounds}: whole after {kills.total()} kills in all", flush=True)
     except Lost as error:
         print(f"LOST: {error}; seed {options.seed}, everything is kept in {root}", file=sys.stderr)
@@ -237,6 +251,7 @@ def main() -> int:
     ways = ", ".join(f"{count} {what}" for what, count in sorted(kills.items()))
     print(f"{kills.total()} kills ({ways}) of {rounds} sweeps, {time.monotonic() - begin:.0f} s")
     print(f"{rounds * JOBS} jobs, all finished; {begun_again} times one stood half-done and was taken on")
+    print(f"{alone} workers lost their command; {left} of them did not end by themselves")
     print("nothing lost, no finished job ran again, no file half-written, all as in the undisturbed sweep")
     return 0
 

@@ -25,6 +25,7 @@ LAUNCHERS = {  # with what they say when they begin
     "submitit_local": ((), "Submitit 'local'"),
     "ray": ((), "Started a local Ray instance"),
 }
+pytestmark = pytest.mark.slow
 WITHOUT_RAY = pytest.mark.skipif(not importlib.util.find_spec("ray"), reason="the extra ray is not installed")
 
 
@@ -65,6 +66,7 @@ def test_a_killed_worker_ends_the_command_with_its_table(place: Path) -> None:
         job = locks[0].parent
         while not (worker := worker_on(job, psutil.Process(process.pid))):
             assert process.poll() is None
+            time.sleep(0.05)
         worker.kill()
         output, _ = process.communicate()
     assert process.returncode == 1
@@ -73,15 +75,25 @@ def test_a_killed_worker_ends_the_command_with_its_table(place: Path) -> None:
     assert not (job / "result.json").exists()
 
 
-@pytest.mark.slow
+def test_a_worker_outlives_its_killed_command_by_one_job(place: Path) -> None:
+    (job,) = place.glob("multirun/*/1")
+    with sweep("joblib", place) as process:
+        while not (worker := worker_on(job, psutil.Process(process.pid))):
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.kill()
+    worker.wait(60)
+    assert json.loads((job / "result.json").read_text())["verdict"] == "certified"
+
+
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local", pytest.param("ray", marks=WITHOUT_RAY)])
 def test_a_launcher_runs_what_the_one_before_left(launcher: str, place: Path) -> None:
     """A sweep is the same whoever runs it: of a finished one, with a result taken away, just that job runs again."""
     before = None
-    if results := list(place.glob("multirun/*/1/result.json")):
-        first = results[0].parents[1] / "0" / "result.json"
-        before = answer(results[0].parent), first.read_bytes()
-        results[0].unlink()
+    jobs = sorted(result.parent for result in place.glob("multirun/*/[01]/result.json"))
+    if len(jobs) == 2:
+        before = answer(jobs[1]), (jobs[0] / "result.json").read_bytes()
+        (jobs[1] / "result.json").unlink()
     with sweep(launcher, place) as process:
         output, _ = process.communicate()
     assert process.returncode == 2, output

@@ -115,7 +115,15 @@ cfjax.synthesis.search = search
 sys.argv = ["train", *sys.argv[1:]]
 sys.exit(cfjax.train.main())
 """
-TINY = ("-m", "+path=circle", "path.speed=1.5,2,3", "cars=0", "robustness=false", "restarts=1", "rounds=1")
+TINY = (
+    "-m",
+    "+path=straight",
+    "path.speed=1.5,2,3",
+    "certificate=tube",
+    "sets.inlet=0.2",
+    "cars=0",
+    "robustness=false",
+)
 
 
 @pytest.mark.slow
