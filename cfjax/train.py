@@ -101,6 +101,7 @@ def prepare_environment() -> None:
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a local Ray reports to nobody
 
 
 def _main() -> int:
@@ -111,7 +112,7 @@ def _main() -> int:
 
     from cfjax.conf import one_line, with_path
     from cfjax.errors import InputError
-    from cfjax.report.resume import sweep_identity, sweep_name
+    from cfjax.report.resume import at_work, sweep_identity, sweep_name
 
     given, unknown = get_args_parser().parse_known_args()
     if unknown:
@@ -126,12 +127,14 @@ def _main() -> int:
         sys.argv[begin : begin + len(given.overrides)] = overrides
     results: list[Result] = []
     refusals: list[InputError] = []
+    command = os.getpid()  # a job may run in a worker, which has another one
 
     @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
     def job(node: "DictConfig") -> None:
         try:
-            if (result := run_job(node)) is not None:
-                results.append(result)
+            with at_work(command):
+                if (result := run_job(node)) is not None:
+                    results.append(result)
         except InputError as error:  # kept from Hydra, which would add lines of its own
             refusals.append(error)
 
@@ -150,6 +153,7 @@ def _main() -> int:
             raise
         traceback.print_exc()  # a launcher that broke down: what the jobs left is still told
         _finish_sweep(Checks.sweep)
+        print("the launcher broke down before all jobs had ended; the same command goes on", file=sys.stderr)
         return NOT_CERTIFIED
     if Checks.sweep is not None:
         return _finish_sweep(Checks.sweep)
@@ -169,14 +173,17 @@ def run_job(node: "DictConfig") -> "Result | None":
     from cfjax.errors import InputError
     from cfjax.report.own_vehicle import is_proven_of
     from cfjax.report.resume import is_done, locked
+    from cfjax.report.run_folder import COMMAND
     from cfjax.report.table import ERROR, write_error
+    from cfjax.report.tracking import track_again
 
     context = HydraConfig.get()
     folder = Path(context.runtime.output_dir)
+    group = folder.parent.name  # where a sweep is logged
     try:
         question = _question(node, Path(context.runtime.cwd))
         given = context.overrides.task if context.mode == RunMode.MULTIRUN else sys.argv[1:]
-        command = shlex.join(["python", "-m", "cfjax.train", *given])
+        command = shlex.join([*COMMAND, *given])
         if context.mode != RunMode.MULTIRUN:
             return run(*question, folder, command)
         with locked(folder, wait=True):  # a worker may outlive the command that was killed
@@ -186,8 +193,10 @@ def run_job(node: "DictConfig") -> "Result | None":
             (folder / ERROR).unlink(missing_ok=True)
             if done:
                 print(f"job {folder.name}: done already", flush=True)
+                if config.logger == "wandb":
+                    track_again(config, folder, group)
                 return None
-            return run(*question, folder, command, group=folder.parent.name)
+            return run(*question, folder, command, group)
     except Exception as error:
         if context.mode != RunMode.MULTIRUN:
             raise

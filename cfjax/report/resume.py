@@ -5,11 +5,16 @@ the packages. A job is done where its folder holds a complete run of the same re
 """
 
 import fcntl
+import functools
 import hashlib
 import json
+import os
 import re
+import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import current_process
 from pathlib import Path
 
 from cfjax.errors import InputError
@@ -18,6 +23,7 @@ from cfjax.report.run_folder import CONFIG, RESULT, WAYPOINTS, read_json, versio
 
 SWEEP = "sweep.json"  # in a sweep's folder: what it asks
 LOCK = ".lock"
+AT_WORK = threading.Lock()  # held while this process is busy with a job
 
 
 def sweep_identity(overrides: Sequence[str]) -> dict[str, object]:
@@ -68,6 +74,28 @@ def locked(folder: Path, *, wait: bool) -> Iterator[None]:
         except BlockingIOError:
             raise InputError(f"hydra.sweep.dir: another process is running the sweep in {folder}") from None
         yield
+
+
+@contextmanager
+def at_work(command: int) -> Iterator[None]:
+    """A job of the command with this process id, maybe in a worker's process.
+
+    A worker of joblib whose command was killed ends after its job: by itself it would wait for another one for ever.
+    """
+    if current_process().name.startswith("LokyProcess"):  # joblib's
+        _end_after(command)
+    with AT_WORK:
+        yield
+
+
+@functools.cache
+def _end_after(command: int) -> None:
+    def watch() -> None:
+        while os.getppid() == command or not AT_WORK.acquire(blocking=False):
+            time.sleep(1.0)
+        os._exit(0)  # nobody is left to hear of it
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def is_done(folder: Path, config_yaml: str, points: bytes | None) -> bool:

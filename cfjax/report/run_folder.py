@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
 RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE = "result.json", "certificate.json", "robustness.json", "reference.csv"
 PICTURE, REPORT, CONFIG, WAYPOINTS = "funnel.png", "report.html", "config.yaml", "waypoints.csv"
+COMMAND = ("python", "-m", "cfjax.train")  # what a run's command begins with; its overrides follow
 REFERENCE_ROWS = 201  # per segment
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
 

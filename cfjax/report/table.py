@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import json
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from yaml import YAMLError
 from cfjax.conf import Config, preset, problem_of
 from cfjax.errors import InputError
 from cfjax.report.paper_rows import agreement, paper_found
-from cfjax.report.run_folder import RESULT, read_config, read_json, write_whole
+from cfjax.report.run_folder import COMMAND, RESULT, read_config, read_json, write_whole
 from cfjax.verdict import Verdict
 
 
@@ -169,10 +170,15 @@ def _row(folder: Path) -> Row:
 
 
 def overrides_of(folder: Path) -> list[str]:
-    """The overrides of a job, as Hydra wrote them; none where it was stopped while it did."""
+    """The overrides of a job: those of its command where it is finished, else as far as Hydra wrote them down.
+
+    Hydra writes its files anew each time, and not whole: a finished job's row does not depend on them.
+    """
     try:
+        if (folder / RESULT).exists() and (command := read_json(folder / RESULT).get("command")):
+            return shlex.split(command)[len(COMMAND) :]
         return [str(override) for override in OmegaConf.load(folder / ".hydra" / "overrides.yaml")]
-    except (OSError, TypeError, ValueError, YAMLError):
+    except (OSError, TypeError, ValueError, AttributeError, YAMLError):
         return []
 
 

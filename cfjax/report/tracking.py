@@ -2,14 +2,18 @@
 
 import dataclasses
 import os
+import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from cfjax.conf import Config, one_line
-from cfjax.report.run_folder import CERTIFICATE, PICTURE, result_json
+from cfjax.conf import Config, CustomConfig, one_line
+from cfjax.report.run_folder import CERTIFICATE, PICTURE, confirmed, read_run, result_json, write_whole
 from cfjax.result import Result
+
+
+LOGGED = ".logged"  # in a run folder: its log is whole
 
 
 def track(result: Result, config: Config, folder: Path, group: str | None = None) -> None:
@@ -17,9 +21,26 @@ def track(result: Result, config: Config, folder: Path, group: str | None = None
 
     `group` holds the jobs of a sweep together where wandb.group is not set.
     """
+    _track(lambda: result, config, folder, group)
+
+
+def track_again(config: Config, folder: Path, group: str | None = None) -> None:
+    """Log a finished run from its folder, where that was not done: it was stopped meanwhile, or the logger failed.
+
+    Not for a configuration that was read from a run's folder: a vehicle of the user's own is imported by its name.
+    """
+    target = config.vehicle.target if isinstance(config.vehicle, CustomConfig) else None
+    if not (folder / LOGGED).exists():
+        _track(lambda: confirmed(read_run(folder, target), folder), config, folder, group)
+
+
+def _track(finished: Callable[[], Result], config: Config, folder: Path, group: str | None) -> None:
     try:
+        for cut_off in folder.glob("wandb/*run-*"):
+            shutil.rmtree(cut_off)
         with _staging_in(folder):
-            _log(result, config, folder, group)
+            _log(finished(), config, folder, group)
+        write_whole(folder / LOGGED, b"")
     except Exception as error:
         print(f"warning: logger=wandb: {one_line(error)}; the run itself is complete", file=sys.stderr)
 

@@ -11,8 +11,11 @@ import polars as pl
 import pytest
 
 import cfjax.gather
+import cfjax.report.tracking
 import cfjax.synthesis
 import cfjax.train
+from cfjax.conf import Config
+from cfjax.result import Result
 
 
 SWEEP = ("-m", "+path=circle", "path.speed=1,2,3", "hydra.sweep.dir=sw")
@@ -61,6 +64,44 @@ def test_a_run_of_another_question_answers_for_no_job(train: Callable[..., int],
     assert pl.read_csv(tmp_path / "sw" / "table.csv")["verdict"].to_list()[1] == "bad input"
 
 
+def test_a_job_whose_log_was_cut_off_is_logged_again(
+    train: Callable[..., int], quick: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logged: list[tuple[float, str | None]] = []
+
+    def log(result: Result, config: Config, folder: Path, group: str | None) -> None:
+        speed = result.problem.path.segments[0].point(0.0).speed
+        logged.append((speed, group))
+        (folder / "wandb" / f"offline-run-{len(logged)}").mkdir(parents=True)
+        if len(logged) == 2:
+            raise RuntimeError("cut off")
+
+    monkeypatch.setattr(cfjax.report.tracking, "_log", log)
+    assert train(*SWEEP, "logger=wandb") == 0
+    assert train(*SWEEP, "logger=wandb") == 0
+    assert logged == [(1.0, "sw"), (2.0, "sw"), (3.0, "sw"), (2.0, "sw")]
+    assert [path.name for path in (tmp_path / "sw" / "1" / "wandb").iterdir()] == ["offline-run-4"]
+    assert train(*SWEEP, "logger=wandb") == 0
+    assert len(logged) == 4
+
+
+def test_hydras_own_files_may_be_cut_off(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
+    """They are the only ones that are not written whole; a finished job needs none of them, and all are made anew."""
+    assert train(*SWEEP) == 0
+    sweep = tmp_path / "sw"
+    (sweep / "2" / "result.json").unlink()
+    whole = {file: file.read_text() for file in (*sweep.glob("*/.hydra/*.yaml"), sweep / "multirun.yaml")}
+    assert len(whole) == 10
+    for file, text in whole.items():
+        file.write_text(text[: len(text) - 3])
+    assert cfjax.gather.main(["sw"]) == 0
+    gathered = pl.read_csv(sweep / "gathered" / "table.csv", infer_schema=False)
+    assert gathered["swept.path.speed"].to_list()[:2] == ["1", "2"]
+    assert train(*SWEEP) == 0
+    assert pl.read_csv(sweep / "table.csv")["swept.path.speed"].to_list() == [1, 2, 3]
+    assert {file: file.read_text() for file in whole} == whole
+
+
 KILLED = """
 import sys, time
 import cfjax.train, cfjax.synthesis
@@ -74,7 +115,15 @@ cfjax.synthesis.search = search
 sys.argv = ["train", *sys.argv[1:]]
 sys.exit(cfjax.train.main())
 """
-TINY = ("-m", "+path=circle", "path.speed=1.5,2,3", "cars=0", "robustness=false", "restarts=1", "rounds=1")
+TINY = (
+    "-m",
+    "+path=straight",
+    "path.speed=1.5,2,3",
+    "certificate=tube",
+    "sets.inlet=0.2",
+    "cars=0",
+    "robustness=false",
+)
 
 
 @pytest.mark.slow
