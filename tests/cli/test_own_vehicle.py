@@ -156,6 +156,17 @@ def test_deviations_are_those_of_the_inertial_model(vehicle: Vehicle) -> None:
         np.testing.assert_allclose(deviation_rate(vehicle, tuple(x), (u0, *u), point), expected, atol=1e-8)
 
 
+def test_a_car_with_its_steering_as_a_state_is_certified(train: Callable[..., int], tmp_path: Path) -> None:
+    own = ("vehicle=custom", "vehicle.target=experiments.vehicles.steered_car.SteeredCar")
+    sets = ("sets.inlet=0.2", "sets.goal=0.6", "sets.safe=[1,1,1,3,0.7]")
+    small = ("cars=50", "restarts=1", "rounds=1", "robustness=false", "hydra.run.dir=here")
+    assert train("+path=straight", "method=tt", "template=paper", *own, *sets, *small) == 0
+    report = check_file(tmp_path / "here")
+    assert report.outcome is Outcome.PROVEN and "Deviations (alpha, x, y, v, w)" in report.message
+    result = json.loads((tmp_path / "here" / "result.json").read_text())
+    assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
+
+
 # --- a vehicle that does not look along the path
 
 
