@@ -253,14 +253,17 @@ def run(
 
 def summary(result: "Result", objective: "Objective") -> str:
     """A few lines for people."""
+    from cfjax.report.rounded import MILLI, rounded_down
+
     problem, loop = result.problem, result.closed_loop
     lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}"]
     if result.margin_certified is None:  # otherwise it is the checker's whole account, and stands in result.json
         lines.append(result.message)
     if result.margin_falsified is not None:
-        proven = "nothing proven" if (margin := result.margin_certified) is None else f"{margin:.4g} 1/s proven"
+        margin = result.margin_certified
+        proven = "nothing proven" if margin is None else f"{rounded_down(margin)} 1/s proven"
         per_metre = [found.margin_per_metre for found in result.segments if found.margin_per_metre is not None]
-        way = f" ({min(per_metre):.4g} per metre of the path)" if per_metre else ""
+        way = f" ({rounded_down(min(per_metre))} per metre of the path)" if per_metre else ""
         known = math.isfinite(result.margin_falsified)  # tubes that came with the package are not searched again
         found = f"; the falsifier found no less than {result.margin_falsified:.4g} 1/s" if known else ""
         lines.append(f"margin: {proven}{way}{found}")
@@ -272,10 +275,11 @@ def summary(result: "Result", objective: "Objective") -> str:
     if result.robustness:
         alone = result.robustness.alone
         rates = zip(problem.vehicle.state_names, alone.disturbance, strict=True)
-        law = " under the law that knows no path" if problem.path.tube else ""
+        law = " under the law that is told the speed alone" if problem.path.tube else ""
+        held, late = (rounded_down(time, 3, MILLI) for time in (alone.period, alone.delay))
         lines.append(
-            f"absorbs{law} one of: inputs held for {1e3 * alone.period:.3g} ms, data {1e3 * alone.delay:.3g} ms old, "
-            f"a rate off by {', '.join(f'{bound:.2g} ({name})' for name, bound in rates)} a second"
+            f"absorbs{law} one of: inputs held for {held} ms, data {late} ms old, "
+            f"a rate off by {', '.join(f'{rounded_down(bound, 2)} ({name})' for name, bound in rates)} a second"
         )
     if loop is not None:
         lines.append(
@@ -289,9 +293,12 @@ def summary(result: "Result", objective: "Objective") -> str:
 
 def _sizes(result: "Result") -> str:
     """Half-widths of I and of the funnel's start."""
-    states, found = result.problem.vehicle.state_names, result.segments[0]
-    widths = ", ".join(f"{name} {width:.3g}" for name, width in zip(states, found.funnel.half_widths(), strict=True))
-    return f"inlet {result.problem.inlet.half_axes[0]:.4g} in {states[0]}; funnel's half-widths {widths}"
+    from cfjax.report.rounded import rounded_down, rounded_up, written
+
+    states, widths = result.problem.vehicle.state_names, result.segments[0].funnel.half_widths()
+    told = ", ".join(f"{name} {rounded_up(width, 3)}" for name, width in zip(states, widths, strict=True))
+    inlet = rounded_down(written(result.problem.inlet.half_axes[0]))
+    return f"inlet {inlet} in {states[0]}; funnel's half-widths {told}"
 
 
 def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, Options]":

@@ -30,6 +30,7 @@ from cfjax.control.law import LAW_SHARE
 from cfjax.falsifier import first_escape
 from cfjax.options import Options
 from cfjax.problem import Box, Interval, Problem, ball, tube
+from cfjax.report.rounded import rounded_down
 from cfjax.report.style import CAR_COLOURS, STYLE
 from cfjax.synthesis import search
 from cfjax.verdict import Verdict
@@ -37,6 +38,7 @@ from cfjax.verdict import Verdict
 
 COLUMNS = ("authority", "beta_lower", "margin", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
 TUBE_COLUMNS = ("speeds", "curvature", "acceleration", "inlet", "goal", *COLUMNS[1:])
+PROVEN = ("margin", "period_ms", "delay_ms", "disturbance_x", "disturbance_v")
 HORIZON = 8.0  # periods that the adversary looks ahead
 
 
@@ -75,7 +77,7 @@ def main() -> int:
     rows = []
     for row in jobs:
         rows.append(row)
-        print(", ".join(f"{name} {shown(value)}" for name, value in row.items()), file=sys.stderr, flush=True)
+        print(", ".join(f"{name} {shown(name, value)}" for name, value in row.items()), file=sys.stderr, flush=True)
     arguments.output.mkdir(parents=True, exist_ok=True)
     with (arguments.output / "table.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, columns, lineterminator="\n")
@@ -83,7 +85,7 @@ def main() -> int:
         writer.writerows(rows)
     table = Table(*columns, title=f"{title}: proven control periods")
     for row in rows:
-        table.add_row(*(shown(row[name]) for name in columns))
+        table.add_row(*(shown(name, row[name]) for name in columns))
     Console(width=140).print(table)
     if not arguments.tubes:
         draw(rows, arguments.output / "period.png")
@@ -91,8 +93,11 @@ def main() -> int:
     return 0
 
 
-def shown(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.3g}"
+def shown(name: str, value: float | str) -> str:
+    """Three digits; what is proven is rounded down."""
+    if isinstance(value, str):
+        return value
+    return rounded_down(value, 3) if name in PROVEN else f"{value:.3g}"
 
 
 def product_of(path: str, authorities: list[float], betas: list[float]) -> Iterator[dict[str, Any]]:

@@ -11,6 +11,7 @@ from PIL import Image
 
 import cfjax.simulate.__main__ as command
 from cfjax.problem import Interval, Problem, ball, circle, tube
+from cfjax.report.simulation import account_of_period
 from cfjax.result import Absorbed, Robustness
 from cfjax.simulate import experiment
 from cfjax.simulate.tube_course import winding
@@ -129,6 +130,41 @@ def test_a_tube_is_driven_along_a_path_and_says_nothing_of_periods(
         )
     else:
         assert asked.problem.path.name == "winding"
+
+
+@pytest.mark.parametrize(
+    ("plant", "noise", "law", "period", "said"),
+    [
+        ("model", "none", "min_norm", 0.001, "control period 1 ms: within the proven 1.577 ms"),
+        ("model", "none", "min_norm", 0.005, "control period 5 ms: longer than the proven 1.577 ms"),
+        ("model:wheelbase=0.4", "none", "min_norm", 0.001, "of this plant and noise nothing is proven"),
+        ("disturbed:x=0.001", "none", "min_norm", 0.001, "of this plant and noise nothing is proven"),
+        ("model", "delay=0.001", "min_norm", 0.001, "of this plant and noise nothing is proven"),
+        ("model", "none", "sontag", 0.001, None),
+    ],
+)
+def test_a_period_is_proven_of_the_model_under_a_law_that_inherits(
+    plant: str,
+    noise: str,
+    law: str,
+    period: float,
+    said: str | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    hand_made,
+) -> None:
+    absorbed = Absorbed(0.001577841402603147, (0.1,) * 4, (0.1,) * 4, 0.001)
+    run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
+    run = run.replace(robustness=Robustness(absorbed, 0.9, absorbed, 0.9))
+    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
+    starts = tmp_path / "starts.csv"
+    starts.write_text("alpha,x,y,v\n0,1.5,0,1.5\n")
+    asked = experiment.ask(
+        experiment.Question(tmp_path, plant=plant, noise=noise, law=law, period=period, starts=str(starts))
+    )
+    account = account_of_period(asked)
+    assert account is None if said is None else said in str(account)
+    assert "within" not in str(account) or said == account
 
 
 def test_the_winding_path_reaches_nearly_both_ends_of_the_tube() -> None:

@@ -231,7 +231,7 @@ def _banner(result: Result) -> str:
     if problem.obstacles:
         kept.append(f"clear of {len(problem.obstacles)} obstacles")
     safe = f" On the way V <= 1 is {' and '.join(kept)}." if kept else ""
-    margins = ", ".join(f"{leg.margin:g}" for leg in result.legs[:8])
+    margins = ", ".join(_below(leg.margin) for leg in result.legs[:8])
     more = f" and {len(result.legs) - 8} more" if len(result.legs) > 8 else ""
     return f"""cfjax: a controller with a proof. Made by python -m cfjax.export; do not edit.
 
@@ -250,6 +250,11 @@ Lap after lap: {_laps(result)}
 {_held(result)} Floating point is not part of any proof here. Each step says whether V <= 1."""
 
 
+def _below(proven: float) -> str:
+    """Six digits, rounded down."""
+    return decimal_text(fmpq(*proven.as_integer_ratio()), ROUND_FLOOR)
+
+
 def _held(result: Result) -> str:
     """What is proven of steps that take time."""
     if result.robustness is None:
@@ -258,10 +263,7 @@ def _held(result: Result) -> str:
             f"to fit into the {1 - LAW_SHARE:.0%} of the margin that the law does not ask for and into what V loses "
             "anyway."
         )
-    alone, together = (
-        decimal_text(fmpq(*amounts.period.as_integer_ratio()), ROUND_FLOOR)
-        for amounts in (result.robustness.alone, result.robustness.together)
-    )
+    alone, together = (_below(amounts.period) for amounts in (result.robustness.alone, result.robustness.together))
     return (
         f"Held for a step: the same is proven for steps of up to {alone} s with nothing else amiss, or of up to "
         f"{together} s with the disturbance, pose error and delay of `jointly` in result.json."

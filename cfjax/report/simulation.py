@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import jax
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,8 +16,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
 from rich.table import Table
 
+from cfjax.plants import Model
 from cfjax.report.animation import save_animation
 from cfjax.report.plane import Plane
+from cfjax.report.rounded import MILLI, rounded_down
 from cfjax.report.run_folder import versions, write_whole
 from cfjax.report.style import CAR_COLOURS, REFERENCE_COLOUR, STYLE, draw_shell
 from cfjax.result import Result
@@ -133,12 +136,33 @@ def print_summary(experiment: "Experiment", loop: SampledLoop) -> None:
     counts = ("arrived", "in_goal", "left_safe", "left_funnel", "failed")
     told = ", ".join(f"{content[name]} {label}" for name, label in zip(counts, COUNTS, strict=True))
     print(f"{content['cars']} cars, {content['started_in_funnel']} started in the funnel: {told}")
-    if robustness := experiment.result.robustness:
-        proven = robustness.alone.period
-        inside = "inside" if experiment.period <= proven else "beyond"
-        print(f"control period {experiment.period:g} s, {inside} the proven {1e3 * proven:.4g} ms")
+    if said := account_of_period(experiment):
+        print(said)
     if not experiment.law.inherits:
         print(f"the law {experiment.question.law} does not inherit the certificate")
+
+
+def account_of_period(experiment: "Experiment") -> str | None:
+    """What the proven control period says of these cars; None where none is proven of this law.
+
+    It is proven of the model whose state is seen exactly and at once, and of nothing else that can be driven.
+    """
+    robustness = experiment.result.robustness
+    if robustness is None or not experiment.law.inherits:
+        return None
+    proven = f"{rounded_down(robustness.alone.period, 4, MILLI)} ms"
+    begin = f"control period {1e3 * experiment.period:.4g} ms: "
+    if not _is_the_model(experiment):
+        return begin + f"the proven {proven} are of the model, seen exactly; of this plant and noise nothing is proven"
+    if experiment.period > robustness.alone.period:
+        return begin + f"longer than the proven {proven}"
+    return begin + f"within the proven {proven}"
+
+
+def _is_the_model(experiment: "Experiment") -> bool:
+    plant = experiment.plant
+    exact = not any(np.any(np.asarray(number)) for number in jax.tree.leaves(experiment.sensor))
+    return exact and isinstance(plant, Model) and plant.vehicle == experiment.problem.vehicle
 
 
 COUNTS = ("arrived", "of them in G", "left S", "left the funnel", "failed")

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax.funnel import Funnel
+from cfjax.report.rounded import rounded_up, written
 
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def draw_shell(axes: "Axes", funnel: Funnel) -> None:
     axes.axhline(1.0, color=EDGE_COLOUR, lw=1.0)
     axes.axhspan(funnel.beta_lower, 1.0, color=FUNNEL_COLOUR, lw=0, zorder=0)
     axes.annotate(
-        rf"shell $V \in [{funnel.beta_lower:g}, 1]$: $\dot V \leq -\lambda$",
+        rf"shell $V \in [{rounded_up(written(funnel.beta_lower))}, 1]$: $\dot V \leq -\lambda$",
         (0.98, funnel.beta_lower),
         xycoords=("axes fraction", "data"),
         xytext=(0, -3),  # below the shell, which is narrower than a line of text in a low panel

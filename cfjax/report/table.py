@@ -16,6 +16,7 @@ from yaml import YAMLError
 from cfjax.conf import Config, preset, problem_of
 from cfjax.errors import InputError
 from cfjax.report.paper_rows import agreement, paper_found
+from cfjax.report.rounded import NOTHING, rounded_down
 from cfjax.report.run_folder import COMMAND, RESULT, read_config, read_json, write_whole
 from cfjax.verdict import Verdict
 
@@ -112,7 +113,7 @@ def print_table(rows: list[Row]) -> None:
     ]
     table = Table(*columns, box=None, header_style="bold", pad_edge=False)
     for row in rows:
-        table.add_row(*(_cell(getattr(row, column)) for column in columns))
+        table.add_row(*(_cell(column, getattr(row, column)) for column in columns))
     console = Console()
     if not console.is_terminal:
         console = Console(width=200)  # in a file nothing is gained by narrow columns
@@ -130,10 +131,12 @@ def _job_order(folder: Path) -> tuple[int, str]:
     return (int(folder.name), "") if folder.name.isdigit() else (1 << 30, folder.name)
 
 
-def _cell(value: object) -> str:
+def _cell(column: str, value: object) -> str:
     if value is None:
-        return "–"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+        return NOTHING
+    if isinstance(value, float):
+        return rounded_down(value) if column == "certified" else f"{value:.4g}"
+    return str(value)
 
 
 def _row(folder: Path) -> Row:

@@ -18,10 +18,10 @@ from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.control import MinNorm, law_numbers
 from cfjax.problem import Problem, ReferencePoint
 from cfjax.report.__main__ import main
-from cfjax.report.page import save_page, write_index
+from cfjax.report.page import save_page, tables, write_index
 from cfjax.report.run_folder import read_run, write_run
 from cfjax.report.table import write_error
-from cfjax.result import Result, Rollouts, StretchMargin, WorstPlace
+from cfjax.result import Absorbed, Result, Robustness, Rollouts, StretchMargin, WorstPlace
 from cfjax.simulation import inputs_along
 from cfjax.verdict import Verdict
 from tests.shapes import eight
@@ -184,6 +184,21 @@ def test_inputs_are_those_of_the_law(hand_made: Make) -> None:
         at = (float(theta[row, 0]), [float(value) for value in x[row, 0]])
         wanted = law(result.problem.vehicle, leg.funnel.template, numbers, point, *at)
         np.testing.assert_allclose(found[row, 0], [float(value) for value in wanted], atol=1e-12)
+
+
+def test_amounts_are_rounded_down_and_say_of_which_law(hand_made: Make) -> None:
+    alone = Absorbed(0.001577941, (0.38719,) * 4, (0.0055499,) * 4, 0.00059999)
+    robustness = Robustness(alone, 0.95009, alone, 0.99009, ((1.0, 3.14159265, alone),))
+    along = hand_made(problem_of(preset("circle")), margin=0.29999, robustness=robustness)
+    held = {fact.name: f"{fact.value} {fact.unit}" for fact in tables.facts(along)}
+    assert (held["margin λ, certified"], held["inputs held, proven"]) == ("0.2999 1/s", "1.57 ms")
+    tube = hand_made(problem_of(preset("tube")), margin=0.29999, robustness=robustness)
+    assert "inputs held, told the speed alone, proven" in {fact.name for fact in tables.facts(tube)}
+    rows = {label: cells for label, *cells in tables.absorbed(tube)[1]}
+    assert rows["data old by (ms)"] == ["0.599", "0.599"]
+    assert rows["rate off by, a second: x (m)"] == ["0.387", "0.387"]
+    assert rows["with the pose off, from starts with V up to"] == ["0.95", "0.99"]
+    assert rows["inputs held for (ms), chosen at 1 to 3.141 m/s"] == ["1.57", "–"]
 
 
 def test_worst_points_and_command_are_read_as_they_were_written(hand_made: Make, tmp_path: Path) -> None:

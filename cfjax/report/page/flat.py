@@ -9,6 +9,7 @@ from cfjax.report.page.cars import Car
 from cfjax.report.page.figure import Figure, Trace, axis, band, layout, level, line
 from cfjax.report.page.terms import input_label, state_label
 from cfjax.report.plane import Plane, positions
+from cfjax.report.rounded import rounded_up, written
 from cfjax.report.style import (
     BODY_COLOUR,
     BODY_EDGE_COLOUR,
@@ -81,7 +82,7 @@ def value_figure(result: Result, cars: list[Car]) -> Figure:
             "xanchor": "right",
             "y": funnel.beta_lower,
             "yanchor": "top",
-            "text": f"shell V ∈ [{funnel.beta_lower:g}, 1]",
+            "text": f"shell V ∈ [{rounded_up(written(funnel.beta_lower))}, 1]",
             "showarrow": False,
             "font": {"size": 12},
             "bgcolor": "rgba(255,255,255,.8)",

@@ -7,6 +7,7 @@ import numpy as np
 
 from cfjax.problem import Disc
 from cfjax.report.page.terms import input_label, short_label
+from cfjax.report.rounded import MILLI, rounded_down, rounded_up, written
 from cfjax.report.run_folder import numbers_of
 from cfjax.result import Result
 from cfjax.verdict import Verdict
@@ -61,7 +62,7 @@ def account(result: Result) -> list[str]:
 def facts(result: Result) -> list[Fact]:
     """The figures that people look for first."""
     found = [
-        Fact(number(result.margin_certified), "1/s", "margin λ, certified"),
+        Fact(rounded_down(result.margin_certified), "1/s", "margin λ, certified"),
     ]
     falsified = result.margin_falsified
     if falsified is not None and math.isfinite(falsified):  # tubes that came with the package are not searched again
@@ -70,7 +71,7 @@ def facts(result: Result) -> list[Fact]:
         found[0] = Fact("none", "", "margin λ, certified")
     per_metre = [each.margin_per_metre for each in result.segments if each.margin_per_metre is not None]
     if per_metre:
-        found.append(Fact(number(min(per_metre)), "1/m", "margin per metre, certified"))
+        found.append(Fact(rounded_down(min(per_metre)), "1/m", "margin per metre, certified"))
     if (loop := result.closed_loop) is not None:
         lost = loop.left_funnel + loop.left_safe + loop.missed_goal
         found.append(
@@ -84,8 +85,9 @@ def facts(result: Result) -> list[Fact]:
             ends = " to ".join(number(each, 3) for each in loop.arrival)
             found.append(Fact(ends, "s", "cars arrived after"))
     if result.robustness is not None:
-        period = result.robustness.alone.period
-        found.append(Fact(number(1e3 * period, 3), "ms", "inputs held, proven"))
+        period = rounded_down(result.robustness.alone.period, 3, MILLI)
+        law = "told the speed alone, proven" if result.problem.path.tube else "proven"
+        found.append(Fact(period, "ms", f"inputs held, {law}"))
     if "total" in result.seconds:
         found.append(Fact(number(result.seconds["total"], 3), "s", "for all of it"))
     return found
@@ -112,7 +114,7 @@ def parameters(result: Result) -> Rows:
         held = any(found.span for found in result.segments)
         kind = f"universal tubes, {len(result.segments)} in turn" if held else funnel.template.name
         rows.append(("template", kind))
-        rows.append(("shell", f"V from {number(funnel.beta_lower)} to 1"))
+        rows.append(("shell", f"V from {rounded_up(written(funnel.beta_lower))} to 1"))
     rows.append(("vehicle", vehicle.name + (f": {own}" if own else "")))
     for disc in problem.footprint:
         rows.append(("footprint", f"disc of {number(disc.radius)} m, {number(disc.offset)} m ahead"))
@@ -141,8 +143,8 @@ def funnels(result: Result) -> tuple[tuple[str, ...], Rows]:
         begin, end = found.span or (since, since + found.funnel.duration)
         since = end
         where = "any" if math.isinf(end) else f"{number(begin)} to {number(end)}"
-        widths = (number(width, 3) for width in found.funnel.half_widths())
-        margins = number(found.margin_certified), number(found.margin_falsified)
+        widths = (rounded_up(width, 3) for width in found.funnel.half_widths())
+        margins = rounded_down(found.margin_certified), number(found.margin_falsified)
         rows.append((f"{'tube' if held else 'segment'} {index + 1}", where, *margins, *widths))
     return head, rows
 
@@ -173,10 +175,14 @@ def seconds(result: Result) -> list[tuple[str, str, float]]:
 def rounds(result: Result) -> tuple[tuple[str, ...], Rows]:
     """Head and rows: the margins after each round of learning and proving."""
     rows: Rows = [
-        (str(index + 1), number(figures.get("falsified")), number(figures.get("certified") or None))
+        (str(index + 1), number(figures.get("falsified")), *_proven_and_found(figures))
         for index, figures in enumerate(result.history)
     ]
-    return ("round", "falsified (1/s)", "certified (1/s)"), rows
+    return ("round", "falsified (1/s)", "certified (1/s)", "counterexamples"), rows
+
+
+def _proven_and_found(figures: dict[str, float]) -> tuple[str, str]:
+    return rounded_down(figures.get("certified") or None), number(figures.get("counterexamples"))
 
 
 def absorbed(result: Result) -> tuple[tuple[str, ...], Rows]:
@@ -184,15 +190,21 @@ def absorbed(result: Result) -> tuple[tuple[str, ...], Rows]:
     assert result.robustness is not None
     alone, joint = result.robustness.alone, result.robustness.together
     states = result.problem.vehicle.state_names
-    rows: Rows = [("inputs held for (ms)", number(1e3 * alone.period, 3), number(1e3 * joint.period, 3))]
-    rows.append(("data old by (ms)", number(1e3 * alone.delay, 3), number(1e3 * joint.delay, 3)))
+    rows: Rows = []
+
+    def row(label: str, one: float, other: float | None, power: int = 0) -> None:
+        rows.append((label, rounded_down(one, 3, power), rounded_down(other, 3, power)))
+
+    row("inputs held for (ms)", alone.period, joint.period, MILLI)
+    row("data old by (ms)", alone.delay, joint.delay, MILLI)
     for name, one, other in zip(states, alone.disturbance, joint.disturbance, strict=True):
-        rows.append((f"rate off by, a second: {short_label(name)}", number(one, 3), number(other, 3)))
+        row(f"rate off by, a second: {short_label(name)}", one, other)
     for name, one, other in zip(states, alone.pose_error, joint.pose_error, strict=True):
-        rows.append((f"pose off by: {short_label(name)}", number(one, 3), number(other, 3)))
+        row(f"pose off by: {short_label(name)}", one, other)
+    row("with the pose off, from starts with V up to", result.robustness.pose_level, result.robustness.level)
     for lower, upper, own in result.robustness.by_speed:
-        speeds = f"inputs held for (ms), chosen at {number(lower, 3)} to {number(upper, 3)} m/s"
-        rows.append((speeds, number(1e3 * own.period, 3), "–"))
+        speeds = f"{rounded_up(written(lower))} to {rounded_down(written(upper))} m/s"
+        row(f"inputs held for (ms), chosen at {speeds}", own.period, None, MILLI)
     return ("", "by itself", "all at once"), rows
 
 
