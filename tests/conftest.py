@@ -49,7 +49,10 @@ def hand_made() -> Callable[..., Result]:
             closed_loop=ClosedLoop(10, 0, 0, 0, 0.75, (1.5, 2.5)),
             seconds={"learn": 1.0, "certify": 2.0, "total": 3.0},
             iterations=2,
-            history=({"margin_falsified": 0.25, "counterexamples": 3.0}, {"margin_falsified": 1 / 3}),
+            history=(
+                {"falsified": 0.25, "certified": 0.0, "counterexamples": 3},
+                {"falsified": 1 / 3, "certified": 0.0, "counterexamples": 0},
+            ),
         ).replace(**changes)
 
     return make

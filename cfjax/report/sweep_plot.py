@@ -52,7 +52,7 @@ def save_sweep_picture(table: pl.DataFrame, output: Path) -> Path | None:
         places = {number: number if numeric else place for place, number in enumerate(sorted(set(numbers)))}
         groups: dict[str, list[tuple[float, float, float]]] = {}
         for number, row in zip(numbers, done.iter_rows(named=True), strict=True):
-            label = ", ".join(str(row[c]) for c in others)
+            label = ", ".join(_choice(c.removeprefix(SWEPT), str(row[c])) for c in others)
             figures = [math.nan if row[key] is None else row[key] for key in ("certified", "falsified")]
             groups.setdefault(label, []).append((places[number], figures[0], figures[1]))
         for index, (label, found) in enumerate(sorted(groups.items())):
@@ -79,6 +79,21 @@ def save_sweep_picture(table: pl.DataFrame, output: Path) -> Path | None:
         figure.savefig(draft, dpi=200)
     draft.replace(output / PICTURE)
     return output / PICTURE
+
+
+def _choice(key: str, value: str) -> str:
+    """One of the other choices, for the legend: a number or an interval says what it is of, a name by itself."""
+    if not _is_number(value):
+        return value
+    return f"{LABELS.get(key, key)} {value if value.startswith('[') else format(float(value), '.4g')}"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        _value(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _values(column: pl.Series) -> list[float] | None:

@@ -28,7 +28,11 @@ def test_every_job_of_a_preset_is_a_question(name: str, jobs: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["straight", "straight_long", "straight_restricted", "oval", "ellipse", "figure_eight", "slalom", "tube"]
+    "path",
+    [
+        *("straight", "straight_long", "straight_restricted", "oval", "ellipse", "figure_eight", "slalom", "tube"),
+        *("obstacle", "obstacle_tight"),
+    ],
 )
 def test_velocity_of_every_path_with_a_speed(path: str) -> None:
     for job in _jobs("velocity"):

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from cfjax.conf import preset, problem_of, yaml_of
-from cfjax.report.run_folder import CERTIFICATE, write_run
+from cfjax.report.run_folder import CERTIFICATE, PICTURE, write_run
 from cfjax.report.tracking import track
 from cfjax.result import Result
 
@@ -30,6 +31,7 @@ def _run(folder: Path, hand_made: Callable[..., Result], *overrides: str) -> Non
     config = preset("circle", ["logger=wandb", *overrides])
     result = write_run(hand_made(problem_of(config)), folder, yaml_of(config))
     (folder / CERTIFICATE).write_text("{}")
+    Image.new("RGB", (8, 4), "green").save(folder / PICTURE)
     track(result.replace(search={"counterexamples": 7}), config, folder, "a sweep")
 
 
@@ -61,8 +63,16 @@ def test_offline_run_reads_back(hand_made: Callable[..., Result], home: Path, tm
     assert data["summary"]["seconds"]["total"] == result_seconds(tmp_path / "run")
     records = [json.loads(line) for line in _inspect(log).splitlines()]
     history = [record["history"]["item"] for record in records if record["type"] == "history"]
-    assert [item["margin_falsified"] for item in history] == [0.25, 1 / 3]
-    assert sum(record["type"] == "artifact" for record in records) == 1
+    *rounds, last = history
+    assert [item["falsified"] for item in rounds] == [0.25, 1 / 3]
+    assert [item["certified"] for item in rounds] == [0, 0]
+    assert [item["counterexamples"] for item in rounds] == [3, 0]
+    assert last["funnel._type"] == "image-file"
+    assert (log.parent / "files" / last["funnel.path"]).read_bytes() == (tmp_path / "run" / PICTURE).read_bytes()
+    (artifact,) = (record["artifact"] for record in records if record["type"] == "artifact")
+    assert (artifact["type"], artifact["manifest"]["contents"][0]["path"]) == ("certificate", CERTIFICATE)
+    (run,) = (record["run"] for record in records if record["type"] == "run")
+    assert run["run_group"] == "a sweep"
     assert list(home.iterdir()) == []  # staged in the run folder
 
 
