@@ -12,8 +12,11 @@ from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
+from cfjax.check.piece import Piece
 from cfjax.check.program import Matrix
+from cfjax.check.proof import closes
 from cfjax.check.rational import rational
+from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.exact import exact_course, write_pieces
@@ -32,7 +35,7 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
             {"name": name, "lower": _number(limits.lower), "upper": _number(limits.upper)}
             for name, limits in zip(("u0", *problem.vehicle.input_names), problem.inputs, strict=True)
         ],
-        "path": _path(problem),
+        "path": _path(problem, graph),
         "sets": {
             "inlet": {"half_axes": [_number(value) for value in problem.inlet.half_axes]},
             "goal": {"half_axes": [_number(value) for value in problem.goal.half_axes]},
@@ -195,7 +198,12 @@ def _node(node: Node) -> list:
     return [node.op, node.name] if node.name is not None else [node.op, *node.args]
 
 
-def _path(problem: Problem) -> dict[str, Any]:
+def _closes(problem: Problem, graph: Graph, pieces: Sequence[Piece]) -> bool:
+    states, inputs = problem.vehicle.state_names, ("u0", *problem.vehicle.input_names)
+    return closes(symbolic(graph, states, inputs), states, pieces)
+
+
+def _path(problem: Problem, graph: Graph) -> dict[str, Any]:
     path = problem.path
     if path.tube:
         tube = path.tube
@@ -207,8 +215,8 @@ def _path(problem: Problem) -> dict[str, Any]:
     reference = exact_course(path)
     return {
         "name": path.name,
-        # that one lap leads to the next is proven for vehicles whose states have a meaning
-        "closed": path.closed and problem.vehicle.name in KNOWN_VEHICLES,
+        # that one lap leads to the next is proven where it is known what the gap between them does to the states
+        "closed": path.closed and (problem.vehicle.name in KNOWN_VEHICLES or _closes(problem, graph, reference.pieces)),
         "start": [_number(value) for value in path.curve[0].start],
         "pieces": write_pieces(reference.pieces),
         "kinds": list(path.kinds),

@@ -15,6 +15,7 @@ from itertools import pairwise
 
 from flint import fmpq, fmpq_mat
 
+from cfjax.check.body import is_a_body
 from cfjax.check.clearance import prove_clearance
 from cfjax.check.containment import broken_containments
 from cfjax.check.decrease import Extreme, SteadyDecrease, level_bounds, level_pieces
@@ -30,7 +31,7 @@ from cfjax.check.document import (
     UnaryHint,
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
-from cfjax.check.piece import between
+from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import evaluate
 from cfjax.check.program import CellProof
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
@@ -118,33 +119,44 @@ def follows_turning(dynamics: Symbolic) -> bool:
     return dynamics.depends_on(TURN_RATE_SLOPE)
 
 
+def broken_joint(dynamics: Symbolic, before: Piece, after: Piece) -> str:
+    """What of a path jumps between two pieces, and with it states of a vehicle's reference; nothing where none does.
+
+    Of a vehicle that the checker does not know the states that are no pose depend on speed and turning rate.
+    """
+    if before.end_speed != after.speed[0]:
+        return "speed"
+    turns = evaluate(before.turn_rate, before.duration) != after.turn_rate[0]
+    return "turning rate" if turns and follows_turning(dynamics) else ""
+
+
+def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -> bool:
+    """Whether at the end of a lap only the pose of a vehicle's reference jumps, by a gap that is known."""
+    return is_a_body(dynamics, states) and not broken_joint(dynamics, pieces[-1], pieces[0])
+
+
 def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
     """That nothing is asked of a vehicle's states but what its dynamics say, where the checker knows nothing else.
 
-    The states of its reference that are no pose depend on the path's speed and turning rate: where segments meet they
-    jump if these do. What a pose or a gap in it means is known of `KNOWN_VEHICLES` alone.
+    What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfjax.check.body`).
 
     Raises:
         Broken: says what is asked.
     """
-    course, known = problem.course, ", ".join(KNOWN_VEHICLES)
-    if problem.vehicle.name in KNOWN_VEHICLES or not isinstance(course, Course):
+    course, vehicle = problem.course, problem.vehicle
+    if vehicle.name in KNOWN_VEHICLES or not isinstance(course, Course):
         return
-    if course.closed:
-        raise Broken(f"vehicle: laps are closed for {known} only, whose states have a meaning")
-    if problem.obstacles:
-        raise Broken(f"vehicle: obstacles are cleared by {known} only, whose states have a meaning")
+    pieces = course.reference.pieces
+    if course.closed and not closes(dynamics, vehicle.states, pieces):
+        raise Broken("vehicle: laps are closed for bodies that look along the path, whose other states do not jump")
+    if problem.obstacles and not is_a_body(dynamics, vehicle.states):
+        raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
     for index, (one, other) in enumerate(pairwise(course.segments)):
-        before, after = one.pieces[-1], other.pieces[0]
-        jumps = [("speed", before.end_speed, after.speed[0])]
-        if follows_turning(dynamics):
-            jumps.append(("turning rate", evaluate(before.turn_rate, before.duration), after.turn_rate[0]))
-        for label, end, start in jumps:
-            if end != start:
-                raise Broken(
-                    f"chain, from segment {index} to segment {index + 1}: the {label} jumps, and with it states of a "
-                    f"vehicle that is none of {known}"
-                )
+        if jumps := broken_joint(dynamics, one.pieces[-1], other.pieces[0]):
+            raise Broken(
+                f"chain, from segment {index} to segment {index + 1}: the {jumps} jumps, and with it states of a "
+                f"vehicle that is none of {', '.join(KNOWN_VEHICLES)}"
+            )
 
 
 def _prove_links(course: Course, funnels: Sequence[FunnelClaim]) -> None:

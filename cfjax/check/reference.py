@@ -51,7 +51,9 @@ class Gap(NamedTuple):
         """
         swing = self.heading * sqrt_upper(inverse[1, 1] + inverse[2, 2])
         parts = (self.heading, self.lateral + swing, self.forward + swing, self.speed)
-        return sum((sqrt_upper(shape[i][i]) * part for i, part in enumerate(parts)), fmpq(0))
+        return sum(
+            (sqrt_upper(row[i]) * part for i, (row, part) in enumerate(zip(shape, parts, strict=False))), fmpq(0)
+        )
 
 
 @dataclass(frozen=True, eq=False)

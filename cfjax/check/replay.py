@@ -14,6 +14,7 @@ from pathlib import Path
 
 from flint import fmpq
 
+from cfjax.check.body import is_a_body
 from cfjax.check.certified import LAW_SHARE
 from cfjax.check.chain import CHAIN, check_chain
 from cfjax.check.containment import half_widths
@@ -222,12 +223,15 @@ def _check_problem(problem: ProblemClaim) -> tuple[str, Symbolic]:
     if check_known_vehicle(name, parameters, problem.vehicle.states, problem.inputs, dynamics):
         return described, dynamics
     unknown = f"{described}, a name unknown to this checker: its dynamics are those of the graph in the file,"
-    if isinstance(problem.course, Course) and len(problem.course.segments) > 1:
+    course = problem.course
+    if isinstance(course, Course) and (len(course.segments) > 1 or course.closed or problem.obstacles):
         on = "speed and turning rate" if follows_turning(dynamics) else "speed"
-        unknown += (
-            " its reference looks along the path, or at one angle to it all along, and what else it has of states "
-            f"depends on the path's {on} alone,"
+        looks = (
+            "which are those of a body whose reference looks along the path"
+            if is_a_body(dynamics, problem.vehicle.states)
+            else "its reference looks along the path, or at one angle to it all along"
         )
+        unknown += f" {looks}, and what else it has of states depends on the path's {on} alone,"
     return unknown, dynamics
 
 

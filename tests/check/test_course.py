@@ -301,7 +301,7 @@ ATTACKS: dict[str, tuple[Callable[[Document], object], str]] = {
     "half-planes missing": (lambda d: d["proofs"].update(clearance=[]), "expected a list of 4"),
     "obstacle's half-planes missing": (lambda d: d["proofs"]["clearance"][0].pop(), "expected a list of 2"),
     "disc's half-planes missing": (lambda d: d["proofs"]["clearance"][0][0].pop(), "expected a list of 2"),
-    "another vehicle": (another_vehicle, "laps are closed for kinematic_bicycle only"),
+    "another vehicle": (another_vehicle, "the speed jumps, and with it states of a vehicle"),
     "another vehicle's links": (another_vehicle_on_an_open_path, "the speed jumps, and with it states of a vehicle"),
     "funnel missing": (lambda d: d["funnels"].pop(), "expected 2, one for each kind"),
     "margin per metre": (lambda d: d["funnels"][1].update(margin_per_metre="1/9"), "claimed for a segment"),
@@ -342,7 +342,13 @@ def test_obstacles_need_a_vehicle_with_a_meaning(lap: Document) -> None:
     lap["proofs"]["clearance"] = lap["proofs"]["clearance"][:1]
     assert checked(lap).outcome is Outcome.PROVEN
     another_vehicle(lap)
-    assert "obstacles are cleared by kinematic_bicycle only" in checked(lap).message
+    report = checked(lap)
+    assert report.outcome is Outcome.PROVEN
+    assert (
+        "those of a body whose reference looks along the path, and what else it has of states depends" in report.message
+    )
+    slope_enters(lap)  # whatever moves so is no body
+    assert "obstacles are cleared by bodies that look along the path only" in checked(lap).message
     sets(lap)["obstacles"], lap["proofs"]["clearance"] = [], []
     assert checked(lap).outcome is Outcome.PROVEN
 

@@ -256,12 +256,18 @@ def test_huge_numbers_do_not_hide_which_claim_is_broken(certificate: dict[str, A
 def test_another_name_is_a_claim_about_the_graph(certificate: dict[str, Any]) -> None:
     certificate["problem"]["vehicle"]["name"] = "my_car"
     report = check_document(renewed(certificate))
-    assert report.outcome is Outcome.BROKEN  # that a lap leads to the next is said of states with a meaning only
-    assert "laps are closed for kinematic_bicycle only" in report.message
+    assert report.outcome is Outcome.PROVEN
+    assert "unknown to this checker" in report.message and "lap after lap" in report.message
+    assert "which are those of a body whose reference looks along the path" in report.message
+    nodes, outputs = (certificate["problem"]["vehicle"]["dynamics"][key] for key in ("nodes", "outputs"))
+    nodes += [["input", "reference:turn_rate_slope"], ["add", outputs[1], len(nodes)]]
+    outputs[1] = len(nodes) - 1
+    report = check_document(renewed(certificate))
+    assert report.outcome is Outcome.BROKEN
+    assert "laps are closed for bodies that look along the path" in report.message
     certificate["problem"]["path"]["closed"] = False
     report = check_document(renewed(certificate))
-    assert report.outcome is Outcome.PROVEN
-    assert "unknown to this checker" in report.message
+    assert report.outcome is Outcome.PROVEN and "body" not in report.message
 
 
 def test_every_field_is_needed_and_no_other_taken(certificate: dict[str, Any], paper_text: str) -> None:
