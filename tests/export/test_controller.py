@@ -428,14 +428,14 @@ def test_the_command_writes_beside_the_run(tmp_path: Path, capsys: pytest.Captur
     assert not (tmp_path / "controller").exists()
 
     data = json.loads((tmp_path / "result.json").read_text())
-    data["verdict"], data["segments"][0]["margin_certified"] = "certified", 0.3
+    data["verdict"], data["segments"][0]["margin_certified"] = "certified", 0.3125
     (tmp_path / "result.json").write_text(json.dumps(data))
     (tmp_path / "certificate.json").write_text('{"hash": "sha256:abc"}')
     assert main([str(tmp_path)]) == 0
     written = capsys.readouterr().out.split()
     assert written == [str(tmp_path / "controller" / name) for name in ("cfjax_controller.h", "cfjax_controller.c")]
     text = Path(written[0]).read_text()
-    for fact in ("sha256:abc", "circle", "0.3 1/s", "rad", "steering angle", "V <= 1"):
+    for fact in ("sha256:abc", "circle", "0.3125 1/s", "rad", "steering angle", "V <= 1"):
         assert fact in text
     controller = Controller(compile_controller(tmp_path / "controller"), 4, 3, 2)
     assert controller.start(GOOD) == OK

@@ -175,14 +175,15 @@ def seconds(result: Result) -> list[tuple[str, str, float]]:
 def rounds(result: Result) -> tuple[tuple[str, ...], Rows]:
     """Head and rows: the margins after each round of learning and proving."""
     rows: Rows = [
-        (str(index + 1), number(figures.get("falsified")), *_proven_and_found(figures))
+        (
+            str(index + 1),
+            number(figures.get("falsified")),
+            rounded_down(figures.get("certified") or None),
+            f"{figures.get('counterexamples', 0):.0f}",
+        )
         for index, figures in enumerate(result.history)
     ]
     return ("round", "falsified (1/s)", "certified (1/s)", "counterexamples"), rows
-
-
-def _proven_and_found(figures: dict[str, float]) -> tuple[str, str]:
-    return rounded_down(figures.get("certified") or None), number(figures.get("counterexamples"))
 
 
 def absorbed(result: Result) -> tuple[tuple[str, ...], Rows]:
