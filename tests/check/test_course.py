@@ -301,7 +301,7 @@ ATTACKS: dict[str, tuple[Callable[[Document], object], str]] = {
     "half-planes missing": (lambda d: d["proofs"].update(clearance=[]), "expected a list of 4"),
     "obstacle's half-planes missing": (lambda d: d["proofs"]["clearance"][0].pop(), "expected a list of 2"),
     "disc's half-planes missing": (lambda d: d["proofs"]["clearance"][0][0].pop(), "expected a list of 2"),
-    "another vehicle": (another_vehicle, "the speed jumps, and with it states of a vehicle"),
+    "another vehicle": (another_vehicle, "laps are closed for bodies that look along the path"),
     "another vehicle's links": (another_vehicle_on_an_open_path, "the speed jumps, and with it states of a vehicle"),
     "funnel missing": (lambda d: d["funnels"].pop(), "expected 2, one for each kind"),
     "margin per metre": (lambda d: d["funnels"][1].update(margin_per_metre="1/9"), "claimed for a segment"),
