@@ -80,7 +80,7 @@ def in_c(result: Result, runs: int) -> list[float]:
     """Nanoseconds a step, for each run."""
     problem = result.problem
     theta, own, x = places(result, STEPS)
-    profiles, poses, at = profiles_of(problem.path), poses_of(problem.path, 0.0), jnp.asarray(theta)
+    profiles, poses, at = profiles_of(problem.path), poses_of(problem.path, problem.side_slip), jnp.asarray(theta)
     point, pose = point_at(profiles, profiles.find(at), at), tuple(p for p, _ in poses.at(poses.find(at), at))
     states = [np.broadcast_to(np.asarray(s), STEPS) for s in to_state(problem.vehicle, tuple(x.T), pose, point)]
     with tempfile.TemporaryDirectory() as name:

@@ -1,6 +1,6 @@
 """A funnel's body never touches an obstacle: half-planes along θ, proven by second-order Taylor bounds in arb balls.
 
-The vehicle's deviation x = (α_R, x_R, y_R, v_R) lies in {xᵀ C x ≤ ρ(θ)}. A disc of its body, offset o along its forward
+The vehicle's deviation x = (α_R, x_R, y_R, …) lies in {xᵀ C x ≤ ρ(θ)}. A disc of its body, offset o along its forward
 axis, radius r, has its centre at p_r + R(α_r) (x_R, y_R) + o fwd(α_r + α_R). It is apart from an obstacle, the hull of
 corners c grown by a radius R, where a normal n separates the two:
 
@@ -13,7 +13,7 @@ With a = n·lat(α_r), b = n·fwd(α_r), A = (C⁻¹)_αα, so that α_R² ≤ �
 
 for sin α is nearest to (1 − w²/8) α on |α| ≤ w: |α³/6 − w² α/8| ≤ w³/24. On the funnel
 
-* m·x with m = (−l a, a, b, 0) reaches √(ρ Q), Q = mᵀ C⁻¹ m;
+* m·x with m = (−l a, a, b, 0, …) reaches √(ρ Q), Q = mᵀ C⁻¹ m;
 * m·x + κ α_R²/2 ≤ λ ρ + max_x (m·x + κ α_R²/2 − λ xᵀ C x) for every λ ≥ 0; where λ > κ A/2 this is, with s = (C⁻¹ m)_α,
   λ ρ + Q/(4λ) + κ s²/(8 λ (λ − κ A/2)) = √(ρ Q) + (2 λ √ρ − √Q)²/(4 λ) + κ s²/(8 λ (λ − κ A/2))   (Sherman–Morrison);
 * it is at most √(ρ Q) + max(0, κ/2) ρ A as well.
@@ -38,7 +38,7 @@ from cfjax.check.polynomial import bernstein
 from cfjax.check.program import Matrix
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reference import ExactPose
-from cfjax.check.vehicle import STATES
+from cfjax.check.vehicle import POSE
 
 
 TERMS = 3  # of a Taylor series of second order
@@ -93,8 +93,8 @@ class HalfPlane:
 class Shadow:
     """What a disc of the body sweeps in the plane while the deviation is anywhere in {xᵀ C x ≤ ρ(θ)}.
 
-    `shape` is C in (α, x, y, v), `rate` (1/s) is c0 of "paper", ρ = 1 − c0 θ, or k of "contracting", ρ = e^{−kθ}; below
-    zero the funnel grows.
+    `shape` is C in the pose (α, x, y) and any other states, `rate` (1/s) is c0 of "paper", ρ = 1 − c0 θ, or k of
+    "contracting", ρ = e^{−kθ}; below zero the funnel grows.
 
     Raises:
         ValueError: for a shape that is not positive definite, or an unknown template.
@@ -106,8 +106,8 @@ class Shadow:
     disc: FootprintClaim
 
     def __post_init__(self) -> None:
-        if len(self.shape) != len(STATES) or not is_positive_definite(self.shape):
-            raise ValueError(f"clearance: expected a positive definite C in {', '.join(STATES)}")
+        if len(self.shape) < len(POSE) or not is_positive_definite(self.shape):
+            raise ValueError(f"clearance: expected a positive definite C in {', '.join(POSE)} and other states")
         if self.template not in ("paper", "contracting"):
             raise ValueError(f"clearance: unknown template {self.template!r}")
 

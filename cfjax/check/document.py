@@ -14,7 +14,7 @@ from flint import acb, arb, fmpq
 
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
 from cfjax.check.graph import ARITY, Graph, Node
-from cfjax.check.piece import Piece
+from cfjax.check.piece import Piece, are_steady
 from cfjax.check.polynomial import Coefficients
 from cfjax.check.program import Matrix
 from cfjax.check.rational import bits
@@ -72,11 +72,7 @@ class SegmentClaim:
     @property
     def is_steady(self) -> bool:
         """Whether it is written so that turning rate and speed are one number each."""
-        first = self.pieces[0]
-        return all(
-            piece.is_constant and piece.turn_rate == first.turn_rate and piece.speed == first.speed
-            for piece in self.pieces
-        )
+        return are_steady(self.pieces)
 
     @property
     def course(self) -> tuple[tuple[fmpq, Coefficients, Coefficients], ...]:
@@ -113,6 +109,12 @@ class ProblemClaim:
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
     obstacles: tuple[ObstacleClaim, ...]
     footprint: tuple[FootprintClaim, ...]
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether it speaks of one turning rate and speed alone."""
+        course = self.course
+        return course.is_single if isinstance(course, TubeClaim) else are_steady(course.reference.pieces)
 
     @property
     def distinct(self) -> tuple[SegmentClaim | TubeClaim, ...]:

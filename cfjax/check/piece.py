@@ -183,6 +183,14 @@ class Piece:
         return turn, speed
 
 
+def are_steady(pieces: Sequence[Piece]) -> bool:
+    """Whether they are written so that turning rate and speed are one number each in all of them."""
+    first = pieces[0]
+    return all(
+        piece.is_constant and (piece.turn_rate, piece.speed) == (first.turn_rate, first.speed) for piece in pieces
+    )
+
+
 def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> list[Piece]:
     """What the pieces of one segment have between two θ (s, from the segment's start), cut exactly there."""
     found = []

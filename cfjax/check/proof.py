@@ -15,7 +15,7 @@ from itertools import pairwise
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.body import is_a_body
+from cfjax.check.body import is_a_body, looks_at_one_angle
 from cfjax.check.clearance import prove_clearance
 from cfjax.check.containment import broken_containments
 from cfjax.check.decrease import Extreme, SteadyDecrease, level_bounds, level_pieces
@@ -144,18 +144,28 @@ def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
         Broken: says what is asked.
     """
     course, vehicle = problem.course, problem.vehicle
-    if vehicle.name in KNOWN_VEHICLES or not isinstance(course, Course):
+    if vehicle.name in KNOWN_VEHICLES:
+        return
+    if not problem.is_steady and not looks_at_one_angle(dynamics, vehicle.states):
+        raise Broken(
+            "vehicle: along a path whose speed or curvature changes, its reference has to look along the path or at "
+            "one angle to it; by the dynamics in the file it does not"
+        )
+    if isinstance(course, TubeClaim):
         return
     pieces = course.reference.pieces
     if course.closed and not closes(dynamics, vehicle.states, pieces):
         raise Broken("vehicle: laps are closed for bodies that look along the path, whose other states do not jump")
     if problem.obstacles and not is_a_body(dynamics, vehicle.states):
         raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
-    for index, (one, other) in enumerate(pairwise(course.segments)):
-        if jumps := broken_joint(dynamics, one.pieces[-1], other.pieces[0]):
+    for one, other in pairwise(pieces):
+        if jumps := broken_joint(dynamics, one, other):
+            where = f"in segment {one.segment}"
+            if one.segment != other.segment:
+                where = f"chain, from segment {one.segment} to segment {other.segment}"
             raise Broken(
-                f"chain, from segment {index} to segment {index + 1}: the {jumps} jumps, and with it states of a "
-                f"vehicle that is none of {', '.join(KNOWN_VEHICLES)}"
+                f"{where}: the {jumps} jumps, and with it states of a vehicle that is none of "
+                f"{', '.join(KNOWN_VEHICLES)}"
             )
 
 

@@ -49,7 +49,8 @@ class Gap(NamedTuple):
         The deviation gets (δ, (R(δ) − 1) p + Δp, Δv) added, and |(R(δ) − 1) p| ≤ |δ| |p|; the norm of a sum is at most
         the sum over the axes, on each of which it is √C_ii. `inverse` is C⁻¹.
         """
-        swing = self.heading * sqrt_upper(inverse[1, 1] + inverse[2, 2])
+        # where the pose does not jump the states need not begin with one
+        swing = self.heading * sqrt_upper(inverse[1, 1] + inverse[2, 2]) if self.heading else fmpq(0)
         parts = (self.heading, self.lateral + swing, self.forward + swing, self.speed)
         return sum(
             (sqrt_upper(row[i]) * part for i, (row, part) in enumerate(zip(shape, parts, strict=False))), fmpq(0)

@@ -224,15 +224,16 @@ def _check_problem(problem: ProblemClaim) -> tuple[str, Symbolic]:
         return described, dynamics
     unknown = f"{described}, a name unknown to this checker: its dynamics are those of the graph in the file,"
     course = problem.course
-    if isinstance(course, Course) and (len(course.segments) > 1 or course.closed or problem.obstacles):
-        on = "speed and turning rate" if follows_turning(dynamics) else "speed"
-        looks = (
-            "which are those of a body whose reference looks along the path"
-            if is_a_body(dynamics, problem.vehicle.states)
-            else "its reference looks along the path, or at one angle to it all along"
-        )
-        unknown += f" {looks}, and what else it has of states depends on the path's {on} alone,"
-    return unknown, dynamics
+    is_lap = isinstance(course, Course) and course.closed
+    if problem.is_steady and not is_lap and not problem.obstacles:
+        return unknown, dynamics
+    on = "speed and turning rate" if follows_turning(dynamics) else "speed"
+    looks = (
+        "which are those of a body whose reference looks along the path"
+        if is_a_body(dynamics, problem.vehicle.states)
+        else "its reference looks along the path, or at one angle to it all along"
+    )
+    return f"{unknown} {looks}, and what else it has of states depends on the path's {on} alone,", dynamics
 
 
 def _path(problem: ProblemClaim, course: Course | TubeClaim) -> str:

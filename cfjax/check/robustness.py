@@ -530,7 +530,11 @@ def _profile(part: Piece) -> dict[str, Coefficients]:
 
 
 def _jump(before: Piece, after: Piece, found: Sequence[_Sizes]) -> fmpq:
-    """By how much V̇ jumps where one piece follows another one."""
+    """By how much V̇ jumps where one piece follows another one.
+
+    What jumps is turning rate and acceleration, and what V̇ gains with these depends on states and inputs alone
+    (`cfjax.check.tube`): it is bounded whatever else of the reference is to either side of the joint.
+    """
     ends = {name: evaluate(values, before.duration) for name, values in _profile(before).items()}
     starts = {name: values[0] for name, values in _profile(after).items()}
     apart = {name: abs(starts[name] - ends[name]) for name in found[0].terms.slopes}

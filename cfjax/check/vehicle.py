@@ -14,7 +14,8 @@ from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
 
 
-STATES = ("alpha", "x", "y", "v")  # of a car in the plane, from its reference, in the body frame of that
+POSE = ("alpha", "x", "y")  # in the plane, from the reference, in the body frame of that
+STATES = (*POSE, "v")  # of a car
 
 
 @dataclass(frozen=True)

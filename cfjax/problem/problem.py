@@ -139,7 +139,8 @@ class Problem:
     @cached_property
     def side_slip(self) -> float:
         """By how much the vehicle that moves along the path looks to the left of the path's tangent, rad."""
-        return self._side_slip(_points(self.path.segments[0])[0])
+        moving = (point for segment in self.path.segments for point in _points(segment) if point.speed)
+        return next(map(self._side_slip, moving), 0.0)
 
     def _side_slip(self, point: ReferencePoint) -> float:
         """Of the vehicle's reference; it has to move at the path's speed and turn at its rate.
@@ -161,7 +162,7 @@ class Problem:
     def _check_side_slip(self, place: str, point: ReferencePoint) -> None:
         """The reference's heading is the tangent's but for one angle: with another one it would not be its motion."""
         slip = self._side_slip(point)
-        if abs(slip - self.side_slip) > FOLLOWS:
+        if point.speed and abs(slip - self.side_slip) > FOLLOWS:  # what stands still moves at no angle
             raise InputError(
                 f"path: {place} has the vehicle {self.vehicle.name} look {slip:.4g} rad away from the path's tangent, "
                 f"and {self.side_slip:.4g} rad where it begins; expected one angle all along, as on a straight line or "

@@ -256,8 +256,13 @@ def _starts(key: Array, problem: Problem, funnel: Funnel, count: int) -> Float[A
     return jnp.where(jnp.arange(count)[:, None] % ON_TUBE == 0, jnp.asarray(on_tube), in_inlet)
 
 
-def _reference_poses(history: Record, end_theta: Float[np.ndarray, " k"]) -> Float[np.ndarray, "t k 3"]:
-    """Poses of each recorded car's reference, which starts in the origin: its stretches make a segment of their own."""
+def _reference_poses(
+    history: Record, end_theta: Float[np.ndarray, " k"], side_slip: float
+) -> Float[np.ndarray, "t k 3"]:
+    """Poses of each recorded car's reference, whose path starts in the origin: its stretches make a segment of it.
+
+    The reference looks away from its path by the side slip (rad).
+    """
     theta = np.asarray(history.theta)
     omega, v, omega_slope, v_slope = (np.asarray(values) for values in history.reference)
     poses = []
@@ -268,7 +273,7 @@ def _reference_poses(history: Record, end_theta: Float[np.ndarray, " k"]) -> Flo
             return Profile(breaks, tuple(zip(start[:, k].tolist(), slope[:, k].tolist(), strict=True)))
 
         path = Segment(profile(omega, omega_slope), profile(v, v_slope), Pose(0.0, 0.0, 0.0))
-        poses.append(path.poses(theta[:, car]))
+        poses.append(path.poses(theta[:, car]) + np.array([side_slip, 0.0, 0.0]))
     return np.stack(poses, axis=1)
 
 
@@ -336,7 +341,7 @@ def drive_tube_cars(
         arrival=None,
     )
     shown = slice(None, None, math.ceil(steps / MOST_ROWS))
-    poses = _reference_poses(history, np.asarray(end.theta[::stride]))
+    poses = _reference_poses(history, np.asarray(end.theta[::stride]), problem.side_slip)
     x = np.stack(history.x, axis=-1)[shown]
     theta, clock = np.asarray(history.theta)[shown], np.asarray(history.clock)[shown]
     inputs = np.stack(history.inputs, axis=-1)[shown]

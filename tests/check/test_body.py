@@ -1,42 +1,26 @@
 """Dynamics that are those of a body beside its path, and some that nearly are."""
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, ClassVar
 
-import jax.numpy as jnp
 import pytest
 
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.body import is_a_body
+from cfjax.check.body import is_a_body, looks_at_one_angle
 from cfjax.check.graph import Graph, Node
 from cfjax.check.proof import closes
 from cfjax.check.symbolic import symbolic
 from cfjax.exact import exact_course
-from cfjax.problem import KinematicBicycle, Twist, Vehicle, circle
+from cfjax.problem import KinematicBicycle, Vehicle, circle
 from experiments.vehicles.front_axle import FrontAxleCar
 from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
+from tests.check.vehicles import Crab, SeenAhead, Ship
 
 
-@dataclass(frozen=True)
-class Ship(Unicycle):
-    """It drifts sideways, by a state, and its reference does not; nested functions of no pose."""
-
-    name: ClassVar[str] = "ship"
-    internal_names: ClassVar[tuple[str, ...]] = ("v", "drift")
-
-    def twist(self, internal: tuple, inputs: tuple) -> Twist:
-        v, drift = internal
-        turn, _ = inputs
-        return Twist(turn=turn * jnp.cos(jnp.sin(drift)), lateral=drift * v, forward=v + drift**2)
-
-    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
-        (v, drift), (turn, thrust) = internal, inputs
-        return thrust, -drift + turn * v
-
-    def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
-        return Twist(turn=turn_rate, lateral=0.0, forward=speed), (speed, 0.0 * speed)
+def one_angle(graph: Graph, vehicle: Vehicle) -> bool:
+    states = vehicle.state_names
+    return looks_at_one_angle(symbolic(graph, states, ("u0", *vehicle.input_names)), states)
 
 
 def body(graph: Graph, vehicle: Vehicle) -> bool:
@@ -51,6 +35,50 @@ def test_vehicles_that_look_along_their_path_are_bodies(vehicle: Vehicle) -> Non
 
 def test_one_whose_reference_looks_away_is_none() -> None:
     assert not body(trace_deviation(FrontAxleCar()), FrontAxleCar())
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "one"),
+    [
+        (KinematicBicycle(), True),
+        (Unicycle(), True),
+        (SteeredCar(), True),
+        (Ship(), True),
+        (Crab(), True),
+        (Crab(angle=math.pi), True),  # backwards
+        (SeenAhead(), False),
+        (FrontAxleCar(), False),
+    ],
+    ids=lambda v: getattr(v, "name", ""),
+)
+def test_how_a_reference_looks_is_seen_in_the_dynamics(vehicle: Vehicle, one: bool) -> None:
+    assert one_angle(trace_deviation(vehicle), vehicle) is one
+
+
+@pytest.mark.parametrize("vehicle", [Ship(), Crab()], ids=lambda v: v.name)
+def test_an_angle_that_changes_however_little_is_seen(vehicle: Vehicle) -> None:
+    graph = trace_deviation(vehicle)
+    spoils = (
+        added(0, "input:u0"),  # the reference turns at another rate
+        added(0, "reference:turn_rate", "input:u0"),
+        added(1, "reference:turn_rate", "input:u0"),  # and moves sideways as it turns
+        added(1, "reference:turn_rate", "input:u0", "x"),
+        added(2, "reference:turn_rate", "input:u0"),
+        added(2, "reference:speed", "input:u0"),  # at another speed than the path
+        added(2, "reference:speed", "input:u0", "input:u0"),
+        added(2, "input:u0", function="sin"),
+        added(1, "reference:speed", "input:u0", function="cos"),
+    )
+    for spoil in spoils:
+        assert not one_angle(spoil(graph), vehicle)
+    for spoil in (added(3, "x"), added(1, "v", "y"), added(2, "v", function="sin")):
+        assert one_angle(spoil(graph), vehicle)
+
+
+def test_no_pose_no_angle() -> None:
+    dynamics = symbolic(trace_deviation(Unicycle()), Unicycle().state_names, ("u0", "turn", "thrust"))
+    assert looks_at_one_angle(dynamics, Unicycle().state_names)
+    assert not looks_at_one_angle(dynamics, ("a", "x", "y", "v"))
 
 
 def index_of(graph: Graph, name: str) -> int:

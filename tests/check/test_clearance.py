@@ -240,6 +240,32 @@ def test_obstacle_path_takes_few_half_planes_and_little_time() -> None:
         assert time.perf_counter() - began < 1.0  # about 0.01 s without run-time types
 
 
+def test_states_that_are_no_pose_are_seen_through_its_inverse_alone() -> None:
+    """A fourth and a fifth one that nothing ties to the pose: the body reaches as far as without them."""
+    rows = [[ONE * 30, -ONE * 9, ZERO], [-ONE * 9, ONE * 40, ONE * 2], [ZERO, ONE * 2, ONE * 25]]
+
+    def reach(extra: int) -> list[arb]:
+        others = [[ONE * (i == j) for j in range(3 + extra)] for i in range(3, 3 + extra)]
+        shape = [*([*row, *[ZERO] * extra] for row in rows), *others]
+        shadow = Shadow(shape, "contracting", ONE, FootprintClaim(fmpq(1, 5), fmpq(1, 4)))
+        piece = Piece(0, ZERO, ONE, (fmpq(1, 2),), (ONE,), ZERO)
+        coefficients, rest = shadow.reach(acb(1, 2), piece, fmpq(1, 3), arb(fmpq(1, 2)))
+        return [*coefficients, rest]
+
+    for extra in (1, 2):
+        assert all(one.overlaps(other) for one, other in zip(reach(0), reach(extra), strict=True))
+
+
+def test_a_body_with_five_states_clears_an_obstacle() -> None:
+    shape = [[fmpq(30) * (i == j) for j in range(5)] for i in range(5)]
+    straight = Piece(0, ZERO, ONE * 10, (ZERO,), (ONE,), ZERO)
+    beside, disc = ObstacleClaim(((fmpq(6, 5), fmpq(5)),), fmpq(3, 10)), FootprintClaim(fmpq(1, 5), fmpq(1, 4))
+    claim = Claim((straight,), ExactPose(ZERO, acb(0)), shape, "contracting", ZERO, beside, disc).solved()
+    prove_clearance(*claim)
+    with pytest.raises(ValueError, match="not proven"):
+        prove_clearance(*claim._replace(shape=[[entry / 20 for entry in row] for row in shape]))
+
+
 def test_far_away_one_half_plane_does() -> None:
     for name in ("around a square", "inside of a lap"):
         case = CASES[name]._replace(obstacle=Disc(20.0, 30.0, 1.0))
@@ -297,7 +323,7 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
     "wider funnel": ("not proven", lambda c: c._replace(shape=[[e * fmpq(3, 5) for e in row] for row in c.shape])),
     "no funnel": ("positive definite", lambda c: c._replace(shape=[[-e for e in row] for row in c.shape])),
     "singular funnel": ("positive definite", lambda c: c._replace(shape=[[e * 0 for e in row] for row in c.shape])),
-    "three states": ("positive definite", lambda c: c._replace(shape=[row[:3] for row in c.shape[:3]])),
+    "no pose": ("positive definite", lambda c: c._replace(shape=[row[:2] for row in c.shape[:2]])),
     "growing": ("not proven", lambda c: c._replace(rate=-c.rate)),
     "other template": ("empty before its end", lambda c: c._replace(template="paper", rate=ONE)),
     "no template": ("unknown template", lambda c: c._replace(template="none")),

@@ -22,9 +22,10 @@ from cfjax.check.rational import rational
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import symbolic
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Method, Path, Pose, Problem, Profile, Segment, affine_deviation, ball
+from cfjax.problem import Method, Path, Pose, Problem, Profile, Segment, affine_deviation, ball, straight
 from cfjax.problem.obstacles import disc_centres, distances
 from tests.check.courses import SHAPE, bend, kink_document, lap_problem
+from tests.check.vehicles import SeenAhead
 
 
 Document = dict[str, Any]
@@ -375,10 +376,14 @@ def test_curvature_must_not_jump_under_a_vehicle_whose_reference_then_jumps() ->
     """Straight, then an arc: each stretch has one reference, and the deviation would jump between them, unseen."""
     document = kink_document()
     assert checked(document).outcome is Outcome.PROVEN  # a car whose reference does not jump
+    another_vehicle(document)
+    report = checked(document)
+    assert report.outcome is Outcome.PROVEN
+    assert "what else it has of states depends on the path's speed alone" in report.message
     slope_enters(document)
     report = checked(document)
     assert report.outcome is Outcome.BROKEN
-    assert "its reference jumps where the curvature of the path does" in report.message
+    assert "in segment 0: the turning rate jumps" in report.message
 
 
 def test_a_slope_that_is_zero_all_along_does_no_harm(lap: Document) -> None:
@@ -419,6 +424,41 @@ def test_states_that_nobody_knows_must_not_jump_between_segments(follows: bool, 
     dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
     with pytest.raises(Broken, match=message) if message else contextlib.nullcontext():
         require_meaning(claim, dynamics)
+
+
+def seen_ahead(document: Document) -> None:
+    """Another vehicle: the same car by a point ahead of it, which looks away from the path where it turns."""
+    vehicle = SeenAhead()
+    document["problem"]["vehicle"] = write_problem(Problem(straight(), vehicle=vehicle), trace_deviation(vehicle))[
+        "vehicle"
+    ]
+
+
+@pytest.mark.parametrize("segments", [1, 2])
+def test_a_reference_must_not_look_elsewhere_where_curvature_jumps(segments: int) -> None:
+    """Straight, then an arc, in one segment or in two: the body's heading would jump between them, unseen."""
+    document = kink_document()
+    if segments == 2:
+        path(document)["kinds"] = [0, 1]
+        path(document)["pieces"][1]["segment"] = 1
+        document["funnels"] *= 2
+    seen_ahead(document)
+    claim = read_problem(document["problem"])
+    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
+    with pytest.raises(Broken, match="along the path or at one angle"):
+        require_meaning(claim, dynamics)
+
+
+def test_a_tube_holds_no_reference_that_looks_elsewhere(tube_text: str) -> None:
+    document = json.loads(tube_text)
+    another_vehicle(document)
+    report = checked(document)
+    assert report.outcome is Outcome.PROVEN
+    assert "what else it has of states depends on the path's speed alone" in report.message
+    seen_ahead(document)
+    report = checked(document)
+    assert report.outcome is Outcome.BROKEN
+    assert "along the path or at one angle" in report.message
 
 
 # --- witnesses on a curve --------------------------------------------------------------------------------------------

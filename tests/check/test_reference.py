@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from flint import fmpq
+from flint import fmpq, fmpq_mat
 
 from cfjax.check.rational import rational
 from cfjax.check.reference import Gap, heading_gap, is_closed
@@ -43,6 +43,13 @@ def test_no_deviation_jumps_further_than_the_bound(changes: dict, gap: Gap, tigh
         after = np.array([x[0] + delta, *(turn @ x[1:3] + [lateral, forward]), x[3] + speed])
         worst = max(worst, abs(math.sqrt(after @ shape @ after) - 1))
     assert tightness * bound < worst <= bound
+
+
+def test_where_no_pose_jumps_states_need_not_hold_one() -> None:
+    stays = Gap(ZERO, ZERO, ZERO, ZERO)
+    for size in (1, 2, 5):
+        shape = [[ONE * (i == j) for j in range(size)] for i in range(size)]
+        assert stays.jump(shape, fmpq_mat(shape).inv()) == 0
 
 
 def test_a_lap_is_closed_by_pose_and_speed() -> None:

@@ -1,0 +1,60 @@
+"""Vehicles that the checker does not know, for its tests: what their references do differs."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+
+from cfjax.problem import KinematicBicycle, Twist
+from experiments.vehicles.unicycle import Unicycle
+
+
+@dataclass(frozen=True)
+class Ship(Unicycle):
+    """It drifts sideways, by a state, and its reference does not; nested functions of no pose."""
+
+    name: ClassVar[str] = "ship"
+    internal_names: ClassVar[tuple[str, ...]] = ("v", "drift")
+
+    def twist(self, internal: tuple, inputs: tuple) -> Twist:
+        v, drift = internal
+        turn, _ = inputs
+        return Twist(turn=turn * jnp.cos(jnp.sin(drift)), lateral=drift * v, forward=v + drift**2)
+
+    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
+        (v, drift), (turn, thrust) = internal, inputs
+        return thrust, -drift + turn * v
+
+    def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
+        return Twist(turn=turn_rate, lateral=0.0, forward=speed), (speed, 0.0 * speed)
+
+
+@dataclass(frozen=True)
+class SeenAhead(KinematicBicycle):
+    """The car by a point ahead of its rear axle: to keep that on a path it looks away from it where it turns."""
+
+    name: ClassVar[str] = "seen_ahead"
+    ahead: float = 0.02  # m
+
+    def twist(self, internal: tuple, inputs: tuple) -> Twist:
+        turn, _, forward = super().twist(internal, inputs)
+        return Twist(turn, -self.ahead * turn, forward)
+
+    def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
+        return Twist(turn_rate, -self.ahead * turn_rate, speed), (speed,)
+
+
+@dataclass(frozen=True)
+class Crab(Unicycle):
+    """It looks away from where it moves, by one angle."""
+
+    name: ClassVar[str] = "crab"
+    angle: float = 0.3  # rad
+
+    def twist(self, internal: tuple, inputs: tuple) -> Twist:
+        turn, _, forward = super().twist(internal, inputs)
+        return Twist(turn, math.sin(self.angle) * forward, math.cos(self.angle) * forward)
+
+    def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
+        return Twist(turn_rate, math.sin(self.angle) * speed, math.cos(self.angle) * speed), (speed,)
