@@ -36,6 +36,7 @@ class SegmentResult:
     margin_sos: float | None = None  # optimum of the numerical sums-of-squares program
     reference: Tube | None = None  # bounds of the tube by which a path is held
     span: tuple[float, float] | None = None  # and where: θ along the whole path, s
+    along: Tube | None = None  # bounds of the path in that tube, everywhere it holds: what the law asks for
     stretches: tuple[StretchMargin, ...] = ()  # proven along θ, which covers the segment; none for a tube
 
 
@@ -83,7 +84,7 @@ class Robustness:
 
     `alone` has each by itself, of disturbance and pose error in one state at a time; `together` all at once. V stays
     below 1, where the pose has an error from starts below a level. Of a tube: under a law that reaches the margins for
-    every curvature and acceleration at once.
+    every curvature and acceleration at once; of a path in tubes: for those of the path (`SegmentResult.along`).
     """
 
     alone: Absorbed
@@ -149,7 +150,7 @@ class Result:
         until = [span[1] for span in spans if span] or list(ends)
         per_metre = [(found.margin_per_metre or 0.0) if found.span else 0.0 for found in self.segments]
         return [
-            Leg(end, found.funnel, found.margin_certified or 0.0, way)
+            Leg(end, found.funnel, found.margin_certified or 0.0, way, found.along)
             for end, found, way in zip(until, self.segments, per_metre, strict=True)
         ]
 

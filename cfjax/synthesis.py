@@ -97,7 +97,7 @@ def _by_tubes(problem: Problem, options: Options, progress: Progress) -> Result:
 
 
 def harden(result: Result, options: Options = Options(), progress: Progress | None = None) -> dict[str, Any] | None:
-    """Hints for what the funnels of a certified result absorb; None where not asked, or for a path held by tubes.
+    """Hints for what the funnels of a certified result absorb; None where not asked.
 
     Raises:
         ValueError, NotProven: nothing was found.

@@ -2,12 +2,14 @@
 
     python experiments/control_period.py [--path circle] [--authority 1 0.7 0.5 0.35 0.25] [--beta 0.9 0.8 0.7]
     python experiments/control_period.py --tubes
+    python experiments/control_period.py --paths
 
 Inputs that stay closer to what the reference needs change the rate of V less: a smaller authority costs margin and buys
 time. A shell that begins further inside leaves room for what V rises before the law looks again. Each line is a funnel,
 learned and certified; beside the proven period stands the shortest one in which an adversary, who picks the state and
 any input that a law may take, left the funnel (found, not proven). The folder gets `table.csv` and `period.png`.
-With --tubes the lines are tubes, and the adversary also picks the path; there is no picture.
+With --tubes the lines are tubes, and the adversary also picks the path. With --paths they are paths that tubes hold, by
+a law that asks for all curvatures of the path at once, without adversary. Neither has a picture.
 """
 
 import argparse
@@ -26,6 +28,7 @@ from rich.table import Table
 import cfjax
 from cfjax.certificate import robustness_of
 from cfjax.check.replay import check_document, check_robustness
+from cfjax.conf.build import options_of, preset, problem_of
 from cfjax.control.law import LAW_SHARE
 from cfjax.falsifier import first_escape
 from cfjax.options import Options
@@ -38,7 +41,8 @@ from cfjax.verdict import Verdict
 
 COLUMNS = ("authority", "beta_lower", "margin", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
 TUBE_COLUMNS = ("speeds", "curvature", "acceleration", "inlet", "goal", *COLUMNS[1:])
-PROVEN = ("margin", "period_ms", "delay_ms", "disturbance_x", "disturbance_v")
+PATH_COLUMNS = ("path", "tubes", "per_metre", "period_ms", "delay_ms", "disturbance_x", "disturbance_v")
+PROVEN = ("per_metre", "margin", "period_ms", "delay_ms", "disturbance_x", "disturbance_v")
 HORIZON = 8.0  # periods that the adversary looks ahead
 
 
@@ -64,16 +68,26 @@ TUBES = (
 )
 
 
+PATHS = ("slalom", "figure_eight", "oval", "waypoints")
+TRACK = Path(__file__).parent / "track.csv"  # bends to both sides, closed
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--path", default="circle", choices=("circle", "straight"))
     parser.add_argument("--authority", type=float, nargs="+", default=[1.0, 0.7, 0.5, 0.35, 0.25])
     parser.add_argument("--beta", type=float, nargs="+", default=[0.9, 0.8, 0.7])
     parser.add_argument("--tubes", action="store_true", help="of tubes instead of a path")
+    parser.add_argument("--paths", action="store_true", help="of paths that tubes hold")
     parser.add_argument("--output", type=Path, default=Path("outputs/control_period"))
     arguments = parser.parse_args()
-    jobs = map(of_tube, TUBES) if arguments.tubes else product_of(arguments.path, arguments.authority, arguments.beta)
-    columns, title = (TUBE_COLUMNS, "tubes") if arguments.tubes else (COLUMNS, arguments.path)
+    if arguments.tubes:
+        jobs, columns, title = map(of_tube, TUBES), TUBE_COLUMNS, "tubes"
+    elif arguments.paths:
+        jobs, columns, title = map(in_tubes, PATHS), PATH_COLUMNS, "paths in tubes"
+    else:
+        jobs = product_of(arguments.path, arguments.authority, arguments.beta)
+        columns, title = COLUMNS, arguments.path
     rows = []
     for row in jobs:
         rows.append(row)
@@ -87,7 +101,7 @@ def main() -> int:
     for row in rows:
         table.add_row(*(shown(name, row[name]) for name in columns))
     Console(width=140).print(table)
-    if not arguments.tubes:
+    if columns is COLUMNS:
         draw(rows, arguments.output / "period.png")
     print(f"folder: {arguments.output}")
     return 0
@@ -112,6 +126,29 @@ def of_tube(bounds: Bounds) -> dict[str, Any]:
     speeds = f"{bounds.lowest:g} to {bounds.highest:g}"
     asked = {name: getattr(bounds, name) for name in ("curvature", "acceleration", "inlet", "goal")}
     return {"speeds": speeds} | asked | line(problem, bounds.beta)
+
+
+def in_tubes(name: str) -> dict[str, Any]:
+    """A path of the package held by one tube of its own, or a track by tubes that came with the package."""
+    overrides = [f"path.file={TRACK}", "path.closed=true"] if name == "waypoints" else []
+    config = preset(name, ["certificate=tube", "cars=0", *overrides])
+    result = search(problem_of(config), options_of(config))
+    nothing: dict[str, Any] = {"path": name} | dict.fromkeys(PATH_COLUMNS[1:], float("nan"))
+    if result.verdict is not Verdict.CERTIFIED or result.document is None:
+        return nothing
+    proven = check_robustness(check_document(result.document), result.document, robustness_of(result)).robustness
+    if proven is None:
+        return nothing
+    alone = proven.alone
+    return {
+        "path": name,
+        "tubes": str(len(result.document["tubes"])),
+        "per_metre": min(found.margin_per_metre or 0.0 for found in result.segments),
+        "period_ms": 1e3 * float(alone.period),
+        "delay_ms": 1e3 * float(alone.delay),
+        "disturbance_x": float(alone.disturbance[1]),
+        "disturbance_v": float(alone.disturbance[3]),
+    }
 
 
 def line(problem: Problem, beta: float) -> dict[str, float]:

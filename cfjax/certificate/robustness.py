@@ -13,12 +13,15 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from cfjax.certificate.bounds import bounds_along
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.program import exact_proof, is_usable, program_of
 from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.sos import solve
 from cfjax.certificate.stretches import NotProven
-from cfjax.certificate.writing import Gram, with_hash, write_grams, write_unary
+from cfjax.certificate.writing import Gram, with_hash, write_bounds, write_grams, write_unary
+from cfjax.check.chain import CHAIN, prove_runs, read_chain
+from cfjax.check.chain_robustness import question_of, timing_of
 from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, read_certificate
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
@@ -36,24 +39,26 @@ BAND, MOST_BANDS = 3.0, 2  # ratio of a band's speeds; each costs up to some hun
 
 
 def robustness_of(result: Result, workers: int = 1) -> dict[str, Any] | None:
-    """The file of hints for a certified result; None where there is none of its kind: for a path that tubes hold.
+    """The file of hints for a certified result; None where there is nothing that is certified.
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
     """
     document = result.document
-    if document is None or document["claim"] != "funnel":
+    if document is None or document["claim"] not in ("funnel", CHAIN):
         return None
     return robustness_document(document, workers)
 
 
 def robustness_document(document: dict[str, Any], workers: int = 1) -> dict[str, Any]:
-    """The file of hints for a certificate of funnels, given as the document that the checker accepted.
+    """The file of hints for a certificate, of funnels or of a path in tubes: the document that the checker accepted.
 
     Raises:
         NotProven: a bound that no hint was found for.
         Broken, ValueError: dynamics or levels of a kind that has no bounds here.
     """
+    if document["claim"] == CHAIN:
+        return _chain_document(document, workers)
     certificate = read_certificate(document)
     problem = certificate.problem
     dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
@@ -66,6 +71,21 @@ def robustness_document(document: dict[str, Any], workers: int = 1) -> dict[str,
             for segment, funnel, hints in each
         ]
     return with_hash(CLAIM, {"certificate": document["hash"], "funnels": funnels})
+
+
+def _chain_document(document: dict[str, Any], workers: int) -> dict[str, Any]:
+    """Of a path in tubes: for each of them, beside what the path does along its runs."""
+    claim = read_chain(document, skip_hash=True)
+    runs, _ = prove_runs(claim)
+    index_of = {run.tube: index for run, (_, _, index) in zip(runs, claim.runs, strict=True)}
+    tubes: dict[int, dict[str, Any]] = {}
+    with ThreadPoolExecutor(max(1, workers)) as pool:
+        for tube, bounds in bounds_along(claim.reference, runs).items():
+            asked = question_of(claim, index_of[tube], tube, bounds, timing_of(runs))
+            bands = tube_hints(asked.problem, asked.dynamics, asked.along, asked.funnel, pool)
+            tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": bands}
+    in_order = [entry for _, entry in sorted(tubes.items())]
+    return with_hash(CLAIM, {"certificate": document["hash"], "tubes": in_order})
 
 
 def hints_for(

@@ -17,7 +17,7 @@ from flint import fmpq
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
 from cfjax.check.containment import broken_containments
 from cfjax.check.document import FORMAT, MOST_PIECES, VERSION, document_hash, read_claims, read_reference
-from cfjax.check.handover import Run, prove_chain
+from cfjax.check.handover import ProvenLink, Run, prove_chain
 from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import Reference, is_closed
@@ -91,19 +91,7 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
         Unreadable, Broken, ValueError: says what is not as it has to be.
     """
     claim = read_chain(document, skip_hash)
-    tubes = []
-    for index, (certificate, length, speed) in enumerate(claim.tubes):
-        tube = tube_of(certificate, str(index))  # refuses everything that is none, a chain in a chain too
-        if tube.vehicle != claim.vehicle:
-            raise Broken(f"tube {index}: it is proven for another vehicle")
-        own = served(scaled(tube, length, speed), claim.parameters)
-        if own is None:
-            raise Broken(f"tube {index}: its vehicle can do what this one cannot")
-        tubes.append(own)
-    runs = [Run(begin, end, tubes[index]) for begin, end, index in claim.runs]
-    links = prove_chain(claim.reference, runs, claim.levels, claim.closed)  # bounds first: a wild path has no gap
-    if claim.closed and not is_closed(claim.reference.gap):
-        raise Broken("path: the end of the lap is not its start")
+    runs, links = prove_runs(claim)
     last = runs[-1]
     pieces = claim.reference.pieces
     finish = last.tube.level_after(claim.reference.length - pieces[last.begin].arc)
@@ -138,23 +126,49 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
         f'PROVEN: the vehicle "{claim.vehicle}" ({values}) can be held in tubes along the path "{claim.name}", '
         f"whose {len(pieces)} pieces of {about(claim.reference.length)} m stand in the file, by inputs {inputs}. "
         f"{started}, under any law that enforces {about(LAW_SHARE)} of the tubes' margins, the car stays in them "
-        f"{ending}{inside}. Tubes in turn, by lateral half-width: {widths} m. Proven certificates: {len(tubes)}, "
+        f"{ending}{inside}. Tubes in turn, by lateral half-width: {widths} m. Proven certificates: {len(claim.tubes)}, "
         f"links: {len(links)}."
     )
     return Report(Outcome.PROVEN, message, margins, arrival)
 
 
+def prove_runs(claim: ChainClaim) -> tuple[list[Run], tuple[ProvenLink, ...]]:
+    """The runs in tubes as the path's own car has them, each handing over to the next; tubes not proven.
+
+    Raises:
+        Unreadable, Broken, ValueError: says what is not as it has to be.
+    """
+    tubes = []
+    for index, (certificate, length, speed) in enumerate(claim.tubes):
+        tube = tube_of(certificate, str(index))  # refuses everything that is none, a chain in a chain too
+        if tube.vehicle != claim.vehicle:
+            raise Broken(f"tube {index}: it is proven for another vehicle")
+        own = served(scaled(tube, length, speed), claim.parameters)
+        if own is None:
+            raise Broken(f"tube {index}: its vehicle can do what this one cannot")
+        tubes.append(own)
+    runs = [Run(begin, end, tubes[index]) for begin, end, index in claim.runs]
+    links = prove_chain(claim.reference, runs, claim.levels, claim.closed)  # bounds first: a wild path has no gap
+    if claim.closed and not is_closed(claim.reference.gap):
+        raise Broken("path: the end of the lap is not its start")
+    return runs, links
+
+
 def _check_sets(sets: SetsClaim, runs: list[Run], finish: fmpq) -> None:
     """Raises Broken unless I is in the first tube, every tube in S, and {V ≤ finish} of the last one in G."""
-    zero, one = fmpq(0), fmpq(1)
+    zero = fmpq(0)
     broken = broken_containments(STATES, runs[0].tube.shape, "paper", zero, zero, sets.inlet, None, sets.safe)
     for run in runs[1:]:
         broken += broken_containments(STATES, run.tube.shape, "paper", zero, zero, None, None, sets.safe)
-    # {V ≤ finish} = {xᵀ (C/finish) x ≤ 1}
-    end = [[entry / finish for entry in row] for row in runs[-1].tube.shape]
-    broken += broken_containments(STATES, end, "paper", zero, one, None, sets.goal, None)
+    broken += broken_goal(sets, runs[-1].tube, finish)
     if broken:
         raise Broken("; ".join(dict.fromkeys(broken)))
+
+
+def broken_goal(sets: SetsClaim, tube: CertifiedTube, level: fmpq) -> list[str]:
+    """Why {V ≤ level} = {xᵀ (C/level) x ≤ 1} does not lie in G; nothing where it does."""
+    end = [[entry / level for entry in row] for row in tube.shape]
+    return broken_containments(STATES, end, "paper", fmpq(0), fmpq(1), None, sets.goal, None)
 
 
 def _sets_text(sets: SetsClaim | None) -> tuple[str, str]:

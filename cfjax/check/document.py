@@ -327,7 +327,7 @@ def _input(item: Item) -> tuple[str, tuple[fmpq, fmpq]]:
 def _path(item: Item) -> tuple[str, Course | TubeClaim]:
     if isinstance(item.value, dict) and "tube" in item.value:
         name, tube = item.record("name", "tube")
-        return name.text(), _tube(tube)
+        return name.text(), read_bounds(tube)
     name, closed, start, pieces, kinds = item.record("name", "closed", "start", "pieces", "kinds")
     if not isinstance(closed.value, bool):
         closed.refuse("true or false")
@@ -378,7 +378,8 @@ def _powers(item: Item) -> Coefficients:
     return found
 
 
-def _tube(item: Item) -> TubeClaim:
+def read_bounds(item: Item) -> TubeClaim:
+    """Intervals of curvature (1/m), speed (m/s) and acceleration (m/s²)."""
     bounds = item.record("curvature", "speed", "acceleration")
     ranges = []
     for entry in bounds:
@@ -485,7 +486,7 @@ def _stretch_hints(item: Item, size: int, sizes: list[int], room: Room) -> Stret
             tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
         )
     rows = [[entry.rational() for entry in row.items(size, size)] for row in whitening.items(size, size)]
-    return StretchHints(end.rational(), _tube(bounds), rows, by_node, by_cell)
+    return StretchHints(end.rational(), read_bounds(bounds), rows, by_node, by_cell)
 
 
 def read_unary(item: Item) -> tuple[int, UnaryHint]:

@@ -15,12 +15,14 @@ from cfjax.check.document import (
     Room,
     UnaryHint,
     document_hash,
+    read_bounds,
     read_gram,
     read_unary,
 )
 from cfjax.check.held import ORDERS
 from cfjax.check.program import Matrix
 from cfjax.check.reader import Broken, Item, Unreadable
+from cfjax.check.tube import TubeClaim
 
 
 CLAIM = "robustness"
@@ -48,6 +50,29 @@ class HeldStretch:
     pieces: tuple[PieceHints, ...]
 
 
+@dataclass(frozen=True)
+class TubeHints:
+    """For a tube of a chain: bounds of the path along its runs, in the path's units; bands, in those of the tube."""
+
+    bounds: TubeClaim
+    bands: tuple[HeldStretch, ...]
+
+
+def read_chain_hints(document: object, certificate: str, tubes: int, states: int) -> list[TubeHints]:
+    """Of a parsed file about the chain with that hash: hints for each of its tubes.
+
+    Raises:
+        Unreadable, Broken: as `read_hints`.
+    """
+    room, entries = Room(MOST_GRAM_ENTRIES), _entries(document, certificate, "tubes").items(tubes, tubes)
+    found = []
+    for entry in entries:
+        bounds, bands = entry.record("bounds", "bands")
+        stretches = tuple(read_stretch(band, states, room) for band in bands.items(MOST_STRETCHES))
+        found.append(TubeHints(read_bounds(bounds), stretches))
+    return found
+
+
 def read_hints(document: object, certificate: str, funnels: int, states: int) -> list[tuple[HeldStretch, ...]]:
     """Of a parsed file about the certificate with that hash: the stretches of each of its funnels.
 
@@ -55,19 +80,23 @@ def read_hints(document: object, certificate: str, funnels: int, states: int) ->
         Unreadable: says what was expected where.
         Broken: the file is about another certificate, or its hash is not that of its content.
     """
+    room, each = Room(MOST_GRAM_ENTRIES), _entries(document, certificate, "funnels").items(funnels, funnels)
+    return [tuple(read_stretch(entry, states, room) for entry in item.items(MOST_STRETCHES)) for item in each]
+
+
+def _entries(document: object, certificate: str, name: str) -> Item:
+    """The last field of a file that is about the certificate with that hash."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise Unreadable(f"not a certificate: expected an object with format {FORMAT}")
     if document.get("version") != VERSION or isinstance(document["version"], bool):
         raise Unreadable(f"this checker reads version {VERSION} of the format")
-    fields = Item(document, "").record("format", "version", "claim", "hash", "certificate", "funnels")
+    fields = Item(document, "").record("format", "version", "claim", "hash", "certificate", name)
     fields[2].choice(CLAIM)
     if fields[3].value != document_hash(document):
         raise Broken("hash: the content has changed since the hash was taken")
     if fields[4].value != certificate:
         raise Broken("certificate: these are hints for another certificate")
-    room = Room(MOST_GRAM_ENTRIES)
-    each = fields[5].items(funnels, funnels)
-    return [tuple(read_stretch(entry, states, room) for entry in item.items(MOST_STRETCHES)) for item in each]
+    return fields[5]
 
 
 def read_stretch(item: Item, states: int, room: Room) -> HeldStretch:

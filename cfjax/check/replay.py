@@ -16,11 +16,12 @@ from flint import fmpq
 
 from cfjax.check.body import is_a_body
 from cfjax.check.certified import LAW_SHARE
-from cfjax.check.chain import CHAIN, check_chain
+from cfjax.check.chain import CHAIN, check_chain, read_chain
+from cfjax.check.chain_robustness import prove_chain_robustness
 from cfjax.check.containment import half_widths
 from cfjax.check.decrease import contraction_way
 from cfjax.check.document import TEMPLATES, Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
-from cfjax.check.held_hints import read_hints
+from cfjax.check.held_hints import read_chain_hints, read_hints
 from cfjax.check.proof import follows_turning, prove_funnels
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.reader import Broken, Unreadable, read_json
@@ -29,10 +30,11 @@ from cfjax.check.report import Outcome, Report
 from cfjax.check.robustness import Robustness, prove_robustness
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim, place_of
-from cfjax.check.vehicle import check_known_vehicle
+from cfjax.check.vehicle import KNOWN_VEHICLES, check_known_vehicle
 
 
 CERTIFICATE_NAME, ROBUSTNESS_NAME = "certificate.json", "robustness.json"
+SHARE_TEXT = decimal_text(LAW_SHARE, ROUND_CEILING)
 SHOWN = 4  # funnels whose rates are printed
 
 
@@ -59,24 +61,64 @@ def check_robustness(report: Report, document: object, hints: object) -> Report:
     if report.outcome is not Outcome.PROVEN:
         return report
     try:
-        if not isinstance(document, dict) or document.get("claim") == CHAIN:
-            raise Broken("certificate: expected one of funnels along a path")
-        certificate = read_certificate(document, skip_hash=True)
-        problem = certificate.problem
-        read = read_hints(hints, str(document["hash"]), len(certificate.funnels), len(problem.vehicle.states))
-        dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
-        proven = prove_robustness(certificate, dynamics, read)
+        if not isinstance(document, dict):
+            raise Broken("certificate: expected an object")
+        shown = _along_chain if document.get("claim") == CHAIN else _of_funnels
+        states, proven, law, meanwhile = shown(document, hints)
     except Unreadable as error:
         return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: {_one_line(error)}")
     except (ValueError, ArithmeticError) as error:
         return Report(Outcome.BROKEN, f"{ROBUSTNESS_NAME}: {_one_line(error)}")
     except (MemoryError, RecursionError) as error:
         return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: too large for this checker ({type(error).__name__})")
-    message = f"{report.message} {_absorbed(problem.vehicle.states, proven)}"
+    message = f"{report.message} {_absorbed(states, proven, law, meanwhile)}"
     return replace(report, message=message, robustness=proven)
 
 
-def _absorbed(states: tuple[str, ...], proven: Robustness) -> str:
+def _of_funnels(document: dict, hints: object) -> tuple[tuple[str, ...], Robustness, str, str]:
+    """States, what the funnels absorb, under which law, and what is meanwhile."""
+    certificate = read_certificate(document, skip_hash=True)
+    problem = certificate.problem
+    read = read_hints(hints, str(document["hash"]), len(certificate.funnels), len(problem.vehicle.states))
+    dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
+    proven = prove_robustness(certificate, dynamics, read)
+    law, meanwhile = f"A law whose inputs reach V' <= -{SHARE_TEXT} lambda in the shell", ""
+    if proven.bands:
+        law += (
+            f" and V' <= -{SHARE_TEXT} v_r times the margin per metre, for every curvature and acceleration of the "
+            "tube at once,"
+        )
+        by_speed = ", ".join(
+            f"{decimal_text(own.period, ROUND_FLOOR)} s up to {about(upper)} m/s"
+            for (_, upper), own in zip(proven.bands, proven.by_speed, strict=True)
+        )
+        meanwhile = f" (chosen at a speed of the path: {by_speed}), whatever curvature and acceleration do meanwhile"
+    return problem.vehicle.states, proven, law, meanwhile
+
+
+def _along_chain(document: dict, hints: object) -> tuple[tuple[str, ...], Robustness, str, str]:
+    """The same along a path that tubes hold."""
+    claim = read_chain(document, skip_hash=True)
+    states = KNOWN_VEHICLES[claim.vehicle].states
+    read = read_chain_hints(hints, str(document["hash"]), len(claim.tubes), len(states))
+    proven, held = prove_chain_robustness(claim, read)
+    told = "; ".join(
+        f"tube {index}: lambda = {decimal_text(own.margin, ROUND_FLOOR)} 1/s, "
+        f"{decimal_text(own.margin_per_metre, ROUND_FLOOR)} per metre, shell from "
+        f"{decimal_text(own.shell, ROUND_CEILING)}, inner {decimal_text(own.tube.beta_inner, ROUND_CEILING)}, "
+        f"curvature in {_interval(own.bounds.curvature, ROUND_FLOOR, ROUND_CEILING)} 1/m, acceleration in "
+        f"{_interval(own.bounds.acceleration, ROUND_FLOOR, ROUND_CEILING)} m/s^2"
+        for index, own in enumerate(held)
+    )
+    law = (
+        f"A law whose inputs reach V' <= -{SHARE_TEXT} times the larger of lambda and v_r times the margin per metre, "
+        "below the shell times V over its level, down to the inner one, for every curvature and acceleration of the "
+        f"bounds at once ({told}),"
+    )
+    return states, proven, law, ", whatever the path does meanwhile"
+
+
+def _absorbed(states: tuple[str, ...], proven: Robustness, law: str, meanwhile: str) -> str:
     """What the funnels absorb, in a sentence; every amount rounded down."""
 
     def each(amounts: tuple[fmpq, ...]) -> str:
@@ -84,18 +126,6 @@ def _absorbed(states: tuple[str, ...], proven: Robustness) -> str:
         return ", ".join(f"{name} {decimal_text(amount, ROUND_FLOOR)}" for name, amount in named)
 
     alone, joint = proven.alone, proven.joint
-    share = decimal_text(LAW_SHARE, ROUND_CEILING)
-    law, meanwhile = f"A law whose inputs reach V' <= -{share} lambda in the shell", ""
-    if proven.bands:
-        law += (
-            f" and V' <= -{share} v_r times the margin per metre, for every curvature and acceleration of the tube at "
-            "once,"
-        )
-        by_speed = ", ".join(
-            f"{decimal_text(own.period, ROUND_FLOOR)} s up to {about(upper)} m/s"
-            for (_, upper), own in zip(proven.bands, proven.by_speed, strict=True)
-        )
-        meanwhile = f" (chosen at a speed of the path: {by_speed}), whatever curvature and acceleration do meanwhile"
     return (
         f"{law} may hold them for {decimal_text(alone.period, ROUND_FLOOR)} s{meanwhile}; or, chosen at every moment, "
         f"they absorb in one state a rate that is off by ({each(alone.disturbance)}) a second; or a measured one that "

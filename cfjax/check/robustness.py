@@ -24,11 +24,13 @@ M grows with the square of the speed and λ' = max(λ, μ v) with its first powe
 While what was measured is in use the speed may leave its band, by no more than its acceleration takes it in HORIZON
 seconds: the bounds hold for such speeds too, and no amount of time is longer.
 
+Along a path that several tubes hold in turn there is more to ask (`cfjax.check.chain_robustness`).
+
 A certificate states nothing of this: the bounds are proven from hints in a file beside it, the amounts then computed.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
 from typing import NamedTuple
@@ -94,6 +96,40 @@ class Rates:
     inner: fmpq  # β̲, or γ where that is larger
     horizon: fmpq = MOST  # s from what was measured on in which the bounds hold
 
+    def spent(self, amounts: "Absorbed") -> fmpq:
+        """How much of λ' is used up on average over a period, 1/s."""
+        shaken = _dot(self.slopes, amounts.disturbance)
+        return (
+            (self.staleness + shaken) * amounts.delay
+            + _dot(self.gradient, amounts.disturbance)
+            + _dot(self.slopes, amounts.pose_error)
+            + (self.bend + shaken) * amounts.period / 2
+        )
+
+    def blurred(self, amounts: "Absorbed") -> fmpq:
+        """ω: how far V and what the law takes for it are apart at most."""
+        norm = _dot(self.norms, amounts.pose_error)
+        return 2 * self.widest * norm + norm * norm
+
+    def risen(self, amounts: "Absorbed") -> fmpq:
+        """How much V rises from a measurement to the end of what is chosen by it."""
+        return (self.rise + _dot(self.gradient, amounts.disturbance)) * (amounts.period + amounts.delay)
+
+    def in_units(self, axes: Sequence[fmpq], faster: fmpq) -> "Rates":
+        """The bounds of the similar motion: states multiplied by `axes`, and so many times as fast."""
+        return Rates(
+            rise=self.rise * faster,
+            bend=self.bend * faster**2,
+            slopes=tuple(value * faster / axis for value, axis in zip(self.slopes, axes, strict=True)),
+            gradient=tuple(value / axis for value, axis in zip(self.gradient, axes, strict=True)),
+            norms=tuple(value / axis for value, axis in zip(self.norms, axes, strict=True)),
+            widest=self.widest,
+            staleness=self.staleness * faster**2,
+            decrease=self.decrease * faster,
+            inner=self.inner,
+            horizon=self.horizon if self.horizon == MOST else self.horizon / faster,
+        )
+
 
 @dataclass(frozen=True)
 class Absorbed:
@@ -112,6 +148,9 @@ class Absorbed:
             pose_error=tuple(factor * value for value in self.pose_error),
             delay=factor * self.delay,
         )
+
+
+Keeps = Callable[[Absorbed], fmpq | None]
 
 
 @dataclass(frozen=True)
@@ -156,7 +195,7 @@ def prove_robustness(
         for segment, funnel, entry, own in kinds
         if isinstance(segment, SegmentClaim)
     )
-    return _absorbed(rates)
+    return absorbed(rates)
 
 
 def _of_tube(
@@ -169,58 +208,80 @@ def _of_tube(
     effort: Budget,
 ) -> Robustness:
     """Of the tube's bands of speed, each with hints of its own."""
-    require_tube_structure(dynamics)
-    ends = [stretch.end for stretch in hints]
-    begins = [tube.speed[0], *ends[:-1]]
-    if ends[-1] != tube.speed[1] or any(low >= high for low, high in zip(begins, ends, strict=True) if len(ends) > 1):
-        raise Broken("robustness: the bands of speed do not follow each other up to the tube's highest")
-    if any(rational(decimal_text(end, ROUND_FLOOR)) != end for end in ends[:-1]):
+    bands = bands_of(tube, hints)
+    if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
         raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
-    bands = tuple(zip(begins, ends, strict=True))
     rates = tuple(
         tube_rates(problem, dynamics, tube, funnel, band, shell, stretch.pieces, effort)
         for band, stretch in zip(bands, hints, strict=True)
     )
-    return replace(_absorbed(rates), bands=bands, by_speed=_by_speed(rates))
+    return replace(absorbed(rates), bands=bands, by_speed=_by_speed(rates))
+
+
+def bands_of(tube: TubeClaim, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fmpq], ...]:
+    """The bands of speed (m/s) that the hints are for.
+
+    Raises:
+        Broken: they do not cover the tube's speeds, one after another.
+    """
+    ends = [stretch.end for stretch in hints]
+    begins = [tube.speed[0], *ends[:-1]]
+    if ends[-1] != tube.speed[1] or any(low >= high for low, high in zip(begins, ends, strict=True) if len(ends) > 1):
+        raise Broken("robustness: the bands of speed do not follow each other up to the tube's highest")
+    return tuple(zip(begins, ends, strict=True))
 
 
 # --- what follows from the bounds
 
 
-def _absorbed(rates: Sequence[Rates]) -> Robustness:
+def absorbed(rates: Sequence[Rates], keeps: Keeps | None = None) -> Robustness:
+    """What all of the bounds allow; `keeps` tells of some amounts which level is kept under them, if one is.
+
+    Raises:
+        Broken: nothing is absorbed.
+    """
     size = range(len(rates[0].slopes))
     if any(one.decrease <= 0 for one in rates):
         raise Broken("robustness: the reference jumps by more than the margin makes up for")
+    keeps = keeps or (lambda amounts: least_level(rates, amounts))
     rising = [min(_quotient(1 - one.inner, one.rise), one.horizon) for one in rates]
-    alone = Absorbed(
-        period=min(*rising, *(_quotient(2 * one.decrease, one.bend) for one in rates)),
-        disturbance=tuple(min(_quotient(one.decrease, one.gradient[i]) for one in rates) for i in size),
-        pose_error=tuple(min(_quotient(one.decrease, one.slopes[i]) for one in rates) for i in size),
-        delay=min(*rising, *(_quotient(one.decrease, one.staleness) for one in rates)),
-    )
     none = (fmpq(0),) * len(size)
-    errors, levels = [], []
-    for i in size:
-        wanted = Absorbed(fmpq(0), none, (*none[:i], alone.pose_error[i], *none[i + 1 :]), fmpq(0))
-        found, level = _largest(rates, wanted)
-        errors.append(found.pose_error[i])
-        levels.append(level)
+    nothing = Absorbed(fmpq(0), none, none, fmpq(0))
+
+    def only(i: int, value: fmpq) -> tuple[fmpq, ...]:
+        return (*none[:i], value, *none[i + 1 :])
+
+    def of_one(name: str, i: int, wanted: fmpq) -> tuple[fmpq, fmpq]:
+        found, level = _largest(keeps, replace(nothing, **{name: only(i, wanted)}))
+        return getattr(found, name)[i], level
+
+    period = min(*rising, *(_quotient(2 * one.decrease, one.bend) for one in rates))
+    delay = min(*rising, *(_quotient(one.decrease, one.staleness) for one in rates))
+    drifts = [min(_quotient(one.decrease, one.gradient[i]) for one in rates) for i in size]
+    errors = [min(_quotient(one.decrease, one.slopes[i]) for one in rates) for i in size]
+    posed = [of_one("pose_error", i, wanted) for i, wanted in enumerate(errors)]
+    alone = Absorbed(
+        period=_largest(keeps, replace(nothing, period=period))[0].period,
+        disturbance=tuple(of_one("disturbance", i, wanted)[0] for i, wanted in enumerate(drifts)),
+        pose_error=tuple(found for found, _ in posed),
+        delay=_largest(keeps, replace(nothing, delay=delay))[0].delay,
+    )
     joint, level = _largest(
-        rates,
+        keeps,
         Absorbed(
             period=PERIOD * alone.period,
             disturbance=tuple(DISTURBANCE * value / len(size) for value in alone.disturbance),
-            pose_error=tuple(POSE * value / len(size) for value in errors),
+            pose_error=tuple(POSE * value / len(size) for value in alone.pose_error),
             delay=DELAY * alone.delay,
         ),
     )
-    return Robustness(replace(alone, pose_error=tuple(errors)), min(levels), joint, level, tuple(rates))
+    return Robustness(alone, min(level for _, level in posed), joint, level, tuple(rates))
 
 
 def _by_speed(rates: Sequence[Rates]) -> tuple[Absorbed, ...]:
     """What is absorbed by itself in each band; errors of the pose are those of all bands, whose level is told."""
-    every = _absorbed(rates).alone.pose_error
-    return tuple(replace(_absorbed((one,)).alone, pose_error=every) for one in rates)
+    every = absorbed(rates).alone.pose_error
+    return tuple(replace(absorbed((one,)).alone, pose_error=every) for one in rates)
 
 
 def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
@@ -228,36 +289,33 @@ def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
     return min(amount / bound, MOST) if bound else MOST
 
 
-def _largest(rates: Sequence[Rates], wanted: Absorbed) -> tuple[Absorbed, fmpq]:
-    """The wanted amounts, or a large part of them for which the inequalities above hold, and the level that is kept."""
+def _largest(keeps: Keeps, wanted: Absorbed) -> tuple[Absorbed, fmpq]:
+    """The wanted amounts, or a large part of them under which a level is kept, and that level."""
     best, level, factor, step = wanted.scaled(fmpq(0)), fmpq(1), fmpq(1), fmpq(1)
     for _ in range(HALVINGS):
         tried = wanted.scaled(factor)
-        kept = [one for one in (kept_level(one, tried) for one in rates) if one is not None]
-        if len(kept) == len(rates):
-            best, level = tried, min(kept)
+        kept = keeps(tried)
+        if kept is not None:
+            best, level = tried, kept
             if factor == 1:
                 break
         step /= 2
-        factor += step if len(kept) == len(rates) else -step
+        factor += step if kept is not None else -step
     return best, level
+
+
+def least_level(rates: Sequence[Rates], amounts: Absorbed) -> fmpq | None:
+    """The least of the levels that are kept; None where one is not."""
+    levels = [kept_level(one, amounts) for one in rates]
+    return None if None in levels else min(level for level in levels if level is not None)
 
 
 def kept_level(rates: Rates, amounts: Absorbed) -> fmpq | None:
     """1 − ω where the inequalities above hold for one funnel, else None."""
-    drift = _dot(rates.gradient, amounts.disturbance)
-    shaken = _dot(rates.slopes, amounts.disturbance)
-    spent = (
-        (rates.staleness + shaken) * amounts.delay
-        + drift
-        + _dot(rates.slopes, amounts.pose_error)
-        + (rates.bend + shaken) * amounts.period / 2
-    )
-    norm = _dot(rates.norms, amounts.pose_error)
-    omega = 2 * rates.widest * norm + norm * norm
-    inside = rates.inner + 2 * omega + (rates.rise + drift) * (amounts.period + amounts.delay)
+    blurred = rates.blurred(amounts)
+    inside = rates.inner + 2 * blurred + rates.risen(amounts)
     prompt = amounts.period + amounts.delay <= rates.horizon
-    return 1 - omega if spent <= rates.decrease and inside <= 1 and prompt else None
+    return 1 - blurred if rates.spent(amounts) <= rates.decrease and inside <= 1 and prompt else None
 
 
 def _dot(first: Sequence[fmpq], second: Sequence[fmpq]) -> fmpq:
@@ -329,6 +387,7 @@ def tube_rates(
     Raises:
         Broken, ValueError: says what is not proven.
     """
+    require_tube_structure(dynamics)
     found = _prove_levels(problem, tube_motions(problem, dynamics, tube, funnel, band), hints, effort)
     assert funnel.margin_per_metre is not None
     decrease = SHARE * max(funnel.margin, funnel.margin_per_metre * band[0])

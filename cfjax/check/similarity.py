@@ -15,9 +15,6 @@ from cfjax.check.tube import Range
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
-UNITS = {"w": fmpq(1), "u0": fmpq(1)}  # inputs without a unit; the others are accelerations
-
-
 def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
     """The tube of the similar car: lengths multiplied by `length`, speeds by `speed`.
 
@@ -27,7 +24,8 @@ def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
     if not (length > 0 and speed > 0):
         raise ValueError("similarity: expected positive scales of length and speed")
     acceleration = speed**2 / length
-    axes = (fmpq(1), length, length, speed)
+    known = KNOWN_VEHICLES[tube.vehicle]
+    axes, units = known.axes(length, speed), known.units(length, speed)
 
     def times(factor: fmpq, bounds: Range) -> Range:
         return bounds[0] * factor, bounds[1] * factor
@@ -35,14 +33,14 @@ def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
     origin = tube.origin
     return replace(
         tube,
-        parameters=KNOWN_VEHICLES[tube.vehicle].scaled(tube.parameters, length, speed),
+        parameters=known.scaled(tube.parameters, length, speed),
         curvature=times(1 / length, tube.curvature),
         speed=times(speed, tube.speed),
         acceleration=times(acceleration, tube.acceleration),
         shape=[[c / (axes[i] * axes[j]) for j, c in enumerate(row)] for i, row in enumerate(tube.shape)],
         margin=tube.margin * speed / length,
         margin_per_metre=tube.margin_per_metre / length,
-        inputs={name: times(UNITS.get(name, acceleration), bounds) for name, bounds in tube.inputs.items()},
+        inputs={name: times(units[name], bounds) for name, bounds in tube.inputs.items()},
         origin=None if origin is None else origin._replace(length=origin.length * length, speed=origin.speed * speed),
     )
 

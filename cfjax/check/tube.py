@@ -56,6 +56,27 @@ class TubeClaim:
         """Whether it holds one reference alone."""
         return all(lower == upper for lower, upper in (self.curvature, self.speed, self.acceleration))
 
+    def lies_in(self, other: "TubeClaim | CertifiedTube") -> bool:
+        """Whether the other one's bounds are as wide or wider."""
+        pairs = (
+            (self.curvature, other.curvature),
+            (self.speed, other.speed),
+            (self.acceleration, other.acceleration),
+        )
+        return all(outer[0] <= inner[0] and inner[1] <= outer[1] for inner, outer in pairs)
+
+    def scaled(self, length: fmpq, speed: fmpq) -> "TubeClaim":
+        """The bounds of the similar paths: lengths and speeds multiplied by these."""
+
+        def times(factor: fmpq, interval: Range) -> Range:
+            return interval[0] * factor, interval[1] * factor
+
+        return TubeClaim(
+            times(1 / length, self.curvature),
+            times(speed, self.speed),
+            times(speed**2 / length, self.acceleration),
+        )
+
     def extremes(self, mirrored: bool = False) -> list[Extreme]:
         """References that speak for all: by curvature, then acceleration, then speed, lower ends first.
 

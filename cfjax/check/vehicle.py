@@ -22,17 +22,24 @@ STATES = (*POSE, "v")  # of a car
 class KnownVehicle:
     """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate.
 
-    `covers(own, proven)`: whether a vehicle with the parameters `own` can do whatever one with `proven` can.
+    `reach(own, proven)`: limits of the inputs by which one with the parameters `proven` does what one with `own` can.
     `scaled(parameters, length, speed)`: the parameters of the vehicle whose motion is the same with lengths and speeds
-    multiplied by these.
+    multiplied by these; `axes(length, speed)` and `units(length, speed)`: by what its states and inputs are then.
     """
 
     parameters: tuple[str, ...]
     states: tuple[str, ...]
     limits: Mapping[str, str]  # input: the parameter that bounds its absolute value
     rate: Callable[[Mapping[str, fmpq], Symbolic], list[fmpq_mpoly]]
-    covers: Callable[[Mapping[str, fmpq], Mapping[str, fmpq]], bool]
+    reach: Callable[[Mapping[str, fmpq], Mapping[str, fmpq]], dict[str, fmpq]]
     scaled: Callable[[Mapping[str, fmpq], fmpq, fmpq], dict[str, fmpq]]
+    axes: Callable[[fmpq, fmpq], tuple[fmpq, ...]]
+    units: Callable[[fmpq, fmpq], dict[str, fmpq]]
+
+    def covers(self, own: Mapping[str, fmpq], proven: Mapping[str, fmpq]) -> bool:
+        """Whether a vehicle with the parameters `own` can do whatever one with `proven` can."""
+        reach = self.reach(own, proven)
+        return all(reach[name] >= proven[parameter] for name, parameter in self.limits.items())
 
 
 def _bicycle(parameters: Mapping[str, fmpq], dynamics: Symbolic) -> list[fmpq_mpoly]:
@@ -48,19 +55,28 @@ def _bicycle(parameters: Mapping[str, fmpq], dynamics: Symbolic) -> list[fmpq_mp
     ]
 
 
-def _bicycle_covers(own: Mapping[str, fmpq], proven: Mapping[str, fmpq]) -> bool:
-    """Only w / wheelbase enters: what the proven car does with w, this one does with w · own / proven wheelbase."""
-    steering = own["max_tan_steering"] * proven["wheelbase"] >= proven["max_tan_steering"] * own["wheelbase"]
-    return bool(steering and own["max_thrust"] >= proven["max_thrust"])
+def _bicycle_reach(own: Mapping[str, fmpq], proven: Mapping[str, fmpq]) -> dict[str, fmpq]:
+    """Only w / wheelbase enters: what the own car does with w, the proven one does with w · proven / own wheelbase."""
+    steering = own["max_tan_steering"] * proven["wheelbase"] / own["wheelbase"]
+    return {"w": steering, "thrust": own["max_thrust"]}
 
 
 def _bicycle_scaled(parameters: Mapping[str, fmpq], length: fmpq, speed: fmpq) -> dict[str, fmpq]:
     """The same car in other units: angles and their tangents keep, an acceleration is speed² over length."""
+    units = _bicycle_units(length, speed)
     return {
         "wheelbase": parameters["wheelbase"] * length,
-        "max_tan_steering": parameters["max_tan_steering"],
-        "max_thrust": parameters["max_thrust"] * speed**2 / length,
+        "max_tan_steering": parameters["max_tan_steering"] * units["w"],
+        "max_thrust": parameters["max_thrust"] * units["thrust"],
     }
+
+
+def _bicycle_axes(length: fmpq, speed: fmpq) -> tuple[fmpq, ...]:
+    return fmpq(1), length, length, speed
+
+
+def _bicycle_units(length: fmpq, speed: fmpq) -> dict[str, fmpq]:
+    return {"u0": fmpq(1), "w": fmpq(1), "thrust": speed**2 / length}
 
 
 KNOWN_VEHICLES = {
@@ -69,8 +85,10 @@ KNOWN_VEHICLES = {
         STATES,
         {"w": "max_tan_steering", "thrust": "max_thrust"},
         _bicycle,
-        _bicycle_covers,
+        _bicycle_reach,
         _bicycle_scaled,
+        _bicycle_axes,
+        _bicycle_units,
     )
 }
 

@@ -1,6 +1,15 @@
 """From a funnel to inputs: the laws that a car runs."""
 
-from cfjax.control.law import Descent, Law, LawNumbers, any_path_numbers, descent_at, law_numbers, path_point
+from cfjax.control.law import (
+    Descent,
+    Law,
+    LawNumbers,
+    any_path_numbers,
+    descent_at,
+    law_numbers,
+    leg_numbers,
+    path_point,
+)
 from cfjax.control.min_norm import MinNorm, nearest_in_box
 from cfjax.control.query import Located, locate
 from cfjax.control.sontag import LinSontag, Sontag
@@ -31,6 +40,7 @@ __all__ = [
     "descent_at",
     "law_named",
     "law_numbers",
+    "leg_numbers",
     "locate",
     "nearest_in_box",
     "path_point",

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.errors import InputError
-from cfjax.funnel import Funnel, Template
+from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Interval, Problem, ReferencePoint, Tube, Vehicle, deviation_rate, feedforward
 from cfjax.problem.vehicle import Scalar
 
@@ -63,9 +63,16 @@ def any_path_numbers(problem: Problem, funnel: Funnel, margin: float, margin_per
     bounds = problem.path.segments[0]
     if not isinstance(bounds, Tube):
         raise InputError(f"path: expected a tube, got {problem.path.name}")
-    numbers = law_numbers(problem, funnel, margin, margin_per_metre, bounds.curvature)
-    ends = bounds.acceleration.lower, bounds.acceleration.upper
-    return numbers._replace(acceleration=(jnp.asarray(ends[0], float), jnp.asarray(ends[1], float)))
+    return law_numbers(problem, funnel, margin, margin_per_metre, bounds.curvature, bounds.acceleration)
+
+
+def leg_numbers(problem: Problem, leg: Leg) -> LawNumbers:
+    """What is asked of a law along one leg of a path, as `law_numbers` has it.
+
+    In a tube for every curvature and acceleration of the path there, at once: they may jump while inputs are held.
+    """
+    bounds = (leg.along.curvature, leg.along.acceleration) if leg.along else ()
+    return law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre, *bounds)
 
 
 def law_numbers(
@@ -74,6 +81,7 @@ def law_numbers(
     margin: float,
     margin_per_metre: float = 0.0,
     curvature: Interval | None = None,
+    acceleration: Interval | None = None,
 ) -> LawNumbers:
     """What is asked of a law: V̇ ≤ −0.95 λ for the (certified) margin λ in 1/s.
 
@@ -81,11 +89,15 @@ def law_numbers(
     every reference point within the bounds, for between the ends of the speed V̇ is affine in it and so is each of the
     two demands. With the tube's interval of `curvature` one input does it for all of them at once, whatever curvature
     the reference point names: a certificate's input at the worse end is good for all, so that the half-space of that
-    end meets the box. Where the path's curvature is not known, the middle does for the feed-forward.
+    end meets the box. Where the path's curvature is not known, the middle does for the feed-forward. So it is with an
+    interval of `acceleration`.
     """
     # below β̲ the demand fades as a tube's certificate does; along a segment the two may differ, so there it only asks
     inner = funnel.inner if np.isinf(funnel.duration) else funnel.beta_lower
-    ends = None if curvature is None else (jnp.asarray(curvature.lower, float), jnp.asarray(curvature.upper, float))
+
+    def ends(interval: Interval | None) -> tuple[Array, Array] | None:
+        return None if interval is None else (jnp.asarray(interval.lower, float), jnp.asarray(interval.upper, float))
+
     return LawNumbers(
         lower=jnp.array([interval.lower for interval in problem.inputs]),
         upper=jnp.array([interval.upper for interval in problem.inputs]),
@@ -95,7 +107,8 @@ def law_numbers(
         beta_inner=jnp.asarray(inner, float),
         decrease=jnp.asarray(LAW_SHARE * margin, float),
         decrease_per_metre=jnp.asarray(LAW_SHARE * margin_per_metre, float),
-        curvature=ends,
+        curvature=ends(curvature),
+        acceleration=ends(acceleration),
     )
 
 

@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from decimal import ROUND_FLOOR
 from importlib import resources
+from itertools import product
 from pathlib import Path
 from string import Template as Text
 from typing import NamedTuple
@@ -19,7 +20,7 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.check.rational import decimal_text
-from cfjax.control.law import LAW_SHARE, law_numbers
+from cfjax.control.law import LAW_SHARE, leg_numbers
 from cfjax.errors import InputError
 from cfjax.export.graph_c import dynamics, number, straight
 from cfjax.funnel import Template
@@ -141,10 +142,14 @@ def _tables(result: Result) -> dict[str, str]:
     legs, begin, duration = [], 0.0, _duration(problem)
     for index, leg in enumerate(result.legs):
         end = duration if index + 1 == len(result.legs) else float(leg.end)
-        numbers = law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre)
+        numbers = leg_numbers(problem, leg)
         demands = (numbers.beta_lower, numbers.beta_inner, numbers.decrease, numbers.decrease_per_metre)
         scalars = [begin, end, *map(float, (numbers.rate, *demands))]
-        legs.append(f"{_row(scalars)[1:-1]}, {_table(np.asarray(numbers.shape))}")
+        ends = sorted(
+            set(product(*(map(float, each) for each in (numbers.curvature or (), numbers.acceleration or ()))))
+        )
+        at_ends = ", ".join(_row([end[k] for end in ends] or [0.0]) for k in range(2))
+        legs.append(f"{_row(scalars)[1:-1]}, {len(ends)}, {at_ends}, {_table(np.asarray(numbers.shape))}")
         begin = end
     return {
         "lower": _list(interval.lower for interval in problem.inputs),

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from cfjax.funnel.funnel import Funnel
+from cfjax.problem import Tube
 
 
 class Leg(NamedTuple):
@@ -16,3 +17,4 @@ class Leg(NamedTuple):
     funnel: Funnel  # of the leg's duration; or of a tube: infinite, rate 0, V = xᵀCx
     margin: float  # λ, 1/s
     margin_per_metre: float = 0.0  # μ, 1/m of the reference's way; see `cfjax.control.law_numbers`
+    along: Tube | None = None  # of a tube: bounds of the path, for all of which the law asks its decrease

@@ -390,6 +390,8 @@ def _segment_json(problem: Problem, found: SegmentResult) -> dict[str, Any]:
         content["margin_per_metre"] = _number(found.margin_per_metre)
         content["contraction"] = {"level": float(funnel.inner), "metres": _number(found.contraction)}
         content["reference"] = {name: list(ends) for name, ends in _bounds(tube).items()}
+    if found.along:
+        content["along"] = {name: list(ends) for name, ends in _bounds(found.along).items()}
     if found.span:
         content["theta"] = list(found.span)  # along the whole path, s: where the tube holds it
     return content
@@ -551,6 +553,10 @@ def _robustness_of(data: dict[str, Any] | None) -> Robustness | None:
     return Robustness(absorbed(data), data["pose_level"], absorbed(data["jointly"]), data["jointly"]["level"], bands)
 
 
+def _tube_of(data: dict[str, Any]) -> Tube:
+    return Tube(**{name: Interval(*ends) for name, ends in data.items()})
+
+
 def _segment_of(data: dict[str, Any]) -> SegmentResult:
     template = template_named(data["template"])
     funnel = Funnel(
@@ -569,7 +575,8 @@ def _segment_of(data: dict[str, Any]) -> SegmentResult:
         margin_per_metre=data.get("margin_per_metre"),
         contraction=data.get("contraction", {}).get("metres"),
         margin_sos=data.get("margin_sos"),
-        reference=Tube(**{name: Interval(*ends) for name, ends in data["reference"].items()}) if span else None,
+        reference=_tube_of(data["reference"]) if span else None,
+        along=_tube_of(data["along"]) if "along" in data else None,
         span=(span[0], span[1]) if span else None,
         stretches=tuple(StretchMargin(**stretch) for stretch in data.get("stretches", ())),
     )

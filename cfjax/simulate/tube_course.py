@@ -35,8 +35,8 @@ def along_path(result: Result, file: File | None = None) -> Result:
     (found,) = result.segments
     return result.replace(
         problem=replace(problem, path=following.path),
-        segments=(replace(found, span=(0.0, duration), reference=tube),),
-        robustness=None,  # is of a law that knows no path; the one that drives here is told the curvature
+        # the law asks for all that the tube holds: so what the tube absorbs is absorbed along the path
+        segments=(replace(found, span=(0.0, duration), reference=tube, along=tube),),
         rollouts=(),
     )
 

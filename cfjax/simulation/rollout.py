@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from cfjax.control import Law, LawNumbers, MinNorm, law_numbers
+from cfjax.control import Law, LawNumbers, MinNorm, leg_numbers
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Problem, ReferencePoint, Vehicle
@@ -199,7 +199,7 @@ def table_of(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
     pieces, jumps = np.asarray(profiles.begin), _jumps(profiles)
     loops, firsts, lasts = [], [], []
     for leg, begin, end in zip(legs, ends[:-1], ends[1:], strict=True):
-        numbers = law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre)
+        numbers = leg_numbers(problem, leg)
         cuts = [begin, *jumps[(jumps > begin + margin) & (jumps < end - margin)], end]
         for since, until in itertools.pairwise(cuts):
             first = int(np.searchsorted(pieces, since + margin, side="right")) - 1
@@ -308,7 +308,7 @@ def inputs_along(
     legs = _checked(problem, legs)
     template = _template(legs)
     profiles = jax.tree.map(np.asarray, profiles_of(problem.path))
-    own = [law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre) for leg in legs]
+    own = [leg_numbers(problem, leg) for leg in legs]
     table = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *own)
     ends = np.array([leg.end for leg in legs])
     flat, states = theta.ravel(), x.reshape(-1, x.shape[-1])

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cfjax.control import LawNumbers, law_numbers
+from cfjax.control import LawNumbers, leg_numbers
 from cfjax.errors import InputError
 from cfjax.funnel import Leg, Template
 from cfjax.problem import Problem, ReferencePoint, Vehicle, to_deviation
@@ -92,7 +92,7 @@ def track_of(problem: Problem, legs: Sequence[Leg], laps: int = 1) -> Track:
     templates = {leg.funnel.template.name: leg.funnel.template for leg in legs if leg.funnel.rate}
     if len(templates) > 1:
         raise InputError(f"legs: expected funnels of one template, got {' and '.join(sorted(templates))}")
-    numbers = [law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre) for leg in legs]
+    numbers = [leg_numbers(problem, leg) for leg in legs]
     return Track(
         vehicle=problem.vehicle,
         template=next(iter(templates.values()), legs[0].funnel.template),

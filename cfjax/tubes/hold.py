@@ -4,21 +4,20 @@ An invariant tube does not shrink, so that the path's I lies in the first tube a
 the metres that it had for contraction, in G. A tube knows no place: where obstacles stand nothing is proven.
 """
 
-import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 import numpy as np
 from flint import fmpq
 
-from cfjax.certificate.stretches import bounded
+from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
 from cfjax.check import Outcome, check_document
 from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
 from cfjax.check.containment import broken_containments
-from cfjax.check.rational import float_below, rational
+from cfjax.check.rational import float_below
+from cfjax.check.tube import TubeClaim
 from cfjax.check.vehicle import STATES
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, exact_numbers
@@ -35,8 +34,6 @@ INNER_LEVEL = 0.1  # to which a learned tube contracts, or further where G asks 
 LEAST_INNER_LEVEL = 0.01
 ROOM = 0.999  # of the widest tube whose inner level lies in G
 MOST_HEADING = 3.1  # rad: a tube stays short of where the heading wraps
-STEP = Decimal("1e-6")  # to which bounds are rounded outwards
-ALIKE = 0.5  # curvatures to both sides less unequal than this are taken as equal: mirror images are half the proof
 
 Learn = Callable[[Problem, float], Result]  # the funnel of a problem whose path is a tube, down to a level beta_inner
 
@@ -114,33 +111,10 @@ def bounds_of(path: Path) -> Tube:
         InputError: where the speed is not positive, or a segment does not start where the one before ends.
     """
     reference = exact_course(path)
-    found = []
     try:
-        for _, own in itertools.groupby(reference.pieces, key=lambda piece: piece.segment):
-            pieces = list(own)
-            duration = sum((piece.duration for piece in pieces), fmpq(0))
-            found.append(bounded(pieces, fmpq(0), duration).bounds)
+        return _tube(bounds_of_pieces(reference.pieces))
     except ValueError as error:
         raise InputError(f"path {path.name}: {error}") from None
-    curvature, speed, acceleration = (
-        _hull([getattr(bounds, name) for bounds in found]) for name in ("curvature", "speed", "acceleration")
-    )
-    if min(-curvature.lower, curvature.upper) > ALIKE * max(-curvature.lower, curvature.upper):
-        widest = max(-curvature.lower, curvature.upper)
-        curvature = Interval(-widest, widest)
-    return Tube(curvature, speed, acceleration)
-
-
-def _hull(ranges: Sequence[tuple[fmpq, fmpq]]) -> Interval:
-    lower, upper = min(low for low, _ in ranges), max(high for _, high in ranges)
-
-    def outwards(value: fmpq, rounding: str) -> float:
-        if rational(float_below(value)) == value:  # a decimal: one speed stays one speed
-            return float_below(value)
-        exact = Decimal(int(value.p)) / Decimal(int(value.q))
-        return float(exact.quantize(STEP, rounding=rounding))
-
-    return Interval(outwards(lower, ROUND_FLOOR), outwards(upper, ROUND_CEILING))
 
 
 def _serves(problem: Problem, tube: CertifiedTube) -> bool:
@@ -161,6 +135,7 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
     report = check_document(document)
     pieces = following.reference.pieces
     ends = np.cumsum([float(piece.duration) for piece in pieces])
+    along = bounds_along(following.reference, following.runs)
     segments = []
     for run in following.runs:
         tube = run.tube
@@ -172,7 +147,8 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
                 margin_falsified=falsified.get(tube.name, math.nan),
                 margin_certified=float_below(tube.margin),
                 margin_per_metre=float_below(tube.margin_per_metre),
-                reference=Tube(*(_interval(getattr(tube, name)) for name in ("curvature", "speed", "acceleration"))),
+                reference=_tube(tube),
+                along=_tube(along[tube]),
                 span=(0.0 if run.begin == 0 else float(ends[run.begin - 1]), float(ends[run.end - 1])),
             )
         )
@@ -187,6 +163,10 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
         tuple(segments),
         document=document if proven else None,
     )
+
+
+def _tube(bounds: TubeClaim | CertifiedTube) -> Tube:
+    return Tube(*(_interval(getattr(bounds, name)) for name in ("curvature", "speed", "acceleration")))
 
 
 def _interval(ends: tuple[fmpq, fmpq]) -> Interval:

@@ -17,7 +17,7 @@ from cfjax.certificate.robustness import robustness_document, speed_bands
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash
 from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import HORIZON, Absorbed, Rates, Robustness, _absorbed, _by_speed, kept_level
+from cfjax.check.robustness import HORIZON, Absorbed, Rates, Robustness, _by_speed, absorbed, kept_level
 from cfjax.check.tube import TubeClaim
 from cfjax.control import MinNorm, any_path_numbers, path_point
 from cfjax.control.law import LAW_SHARE
@@ -217,10 +217,10 @@ def test_the_law_keeps_v_whatever_the_path_does(case: Callable[[str], Case], wha
 def test_times_are_no_longer_than_the_bounds_hold(case: Callable[[str], Case]) -> None:
     for name in CASES:
         own = case(name)
-        for rates, absorbed in zip(own.proven.rates, own.proven.by_speed, strict=True):
+        for rates, amounts in zip(own.proven.rates, own.proven.by_speed, strict=True):
             assert (rates.horizon == HORIZON) == (name == "changing tt")
-            assert max(absorbed.period, absorbed.delay) <= rates.horizon
-            assert absorbed.period >= own.proven.alone.period
+            assert max(amounts.period, amounts.delay) <= rates.horizon
+            assert amounts.period >= own.proven.alone.period
 
 
 def test_an_error_of_the_pose_in_a_band_is_one_whose_level_is_told() -> None:
@@ -237,8 +237,8 @@ def test_an_error_of_the_pose_in_a_band_is_one_whose_level_is_told() -> None:
         inner=fmpq(9, 10),
     )
     rates = one, replace(one, slopes=(fmpq(800),), decrease=fmpq(2))
-    every, (slow, fast) = _absorbed(rates), _by_speed(rates)
-    assert _absorbed((one,)).alone.pose_error[0] > every.alone.pose_error[0]  # else there is nothing to see
+    every, (slow, fast) = absorbed(rates), _by_speed(rates)
+    assert absorbed((one,)).alone.pose_error[0] > every.alone.pose_error[0]  # else there is nothing to see
     for band, own in zip(rates, (slow, fast), strict=True):
         kept = kept_level(band, replace(own.scaled(fmpq(0)), pose_error=own.pose_error))
         assert kept is not None and kept >= every.pose_level

@@ -78,8 +78,11 @@ def certified(problem: Problem, template: str = "contracting", shape: np.ndarray
     return Result(Verdict.CERTIFIED, "made by hand", problem, segments, document={"hash": "sha256:made-by-hand"})
 
 
-def held_by_tubes(problem: Problem) -> Result:
-    """The same, held by tubes that do not end where segments do."""
+AHEAD = Tube(Interval(-0.1, 0.7), Interval(1.0, 1.0), Interval(-0.2, 0.3))
+
+
+def held_by_tubes(problem: Problem, ahead: Tube | None = AHEAD) -> Result:
+    """The same, held by tubes that do not end where segments do; with bounds of the path, or none, as once."""
     duration = sum(segment.duration for segment in problem.path.curve)
     bounds = Tube(curvature=Interval(-2.0, 2.0), speed=Interval(1.0, 2.0), acceleration=Interval(-1.0, 1.0))
     spans = ((0.0, 0.4 * duration), (0.4 * duration, duration))
@@ -91,6 +94,7 @@ def held_by_tubes(problem: Problem) -> Result:
             margin_per_metre=0.3,
             reference=bounds,
             span=span,
+            along=ahead,
         )
         for i, span in enumerate(spans)
     )
@@ -104,6 +108,7 @@ CASES: dict[str, Callable[[], Result]] = {
     "mixed": lambda: certified(Problem(MIXED)),
     "mixed, growing": lambda: certified(Problem(MIXED), rate=-0.05),
     "tubes": lambda: held_by_tubes(Problem(oval())),
+    "tubes, told": lambda: held_by_tubes(Problem(oval()), None),
     "steered": lambda: certified(
         Problem(
             straight(),

@@ -1,0 +1,74 @@
+"""Bounds of curvature, speed and acceleration along a path, proven, and rounded outwards to short decimals."""
+
+import itertools
+from collections.abc import Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+
+from flint import fmpq
+
+from cfjax.certificate.stretches import bounded
+from cfjax.check.certified import CertifiedTube
+from cfjax.check.handover import Run
+from cfjax.check.piece import Piece
+from cfjax.check.rational import float_below, rational
+from cfjax.check.reference import Reference
+from cfjax.check.tube import Range, TubeClaim
+
+
+STEP = Decimal("1e-6")  # to which bounds are rounded
+ALIKE = fmpq(
+    1, 2
+)  # curvatures to both sides less unequal than this are taken as equal: mirror images are half the proof
+
+
+def bounds_of_pieces(pieces: Sequence[Piece]) -> TubeClaim:
+    """The hull of what the pieces do, whichever segments they are of.
+
+    Raises:
+        ValueError: where none is found: the speed is not positive, say.
+    """
+    found = []
+    for _, group in itertools.groupby(pieces, key=lambda piece: piece.segment):
+        own = list(group)
+        found.append(bounded(own, own[0].theta, own[-1].theta + own[-1].duration).bounds)
+    curvature, speed, acceleration = (
+        _hull([getattr(bounds, name) for bounds in found]) for name in ("curvature", "speed", "acceleration")
+    )
+    widest = max(-curvature[0], curvature[1])
+    if min(-curvature[0], curvature[1]) > ALIKE * widest:
+        curvature = -widest, widest
+    return TubeClaim(curvature, speed, acceleration)
+
+
+def bounds_along(reference: Reference, runs: Sequence[Run]) -> dict[CertifiedTube, TubeClaim]:
+    """What the path does in each tube along all of its runs there; nothing that the tube does not hold.
+
+    Raises:
+        ValueError: as `bounds_of_pieces`.
+    """
+    found = {}
+    for tube in dict.fromkeys(run.tube for run in runs):
+        own = [run for run in runs if run.tube is tube]
+        bounds = bounds_of_pieces([piece for run in own for piece in reference.pieces[run.begin : run.end]])
+        found[tube] = TubeClaim(
+            _meet(bounds.curvature, tube.curvature),
+            _meet(bounds.speed, tube.speed),
+            _meet(bounds.acceleration, tube.acceleration),
+        )
+    return found
+
+
+def _meet(first: Range, second: Range) -> Range:
+    return max(first[0], second[0]), min(first[1], second[1])
+
+
+def _hull(ranges: Sequence[Range]) -> Range:
+    lower, upper = min(low for low, _ in ranges), max(high for _, high in ranges)
+
+    def outwards(value: fmpq, rounding: str) -> fmpq:
+        if rational(float_below(value)) == value:  # a decimal: one speed stays one speed
+            return value
+        exact = Decimal(int(value.p)) / Decimal(int(value.q))
+        return rational(float(exact.quantize(STEP, rounding=rounding)))
+
+    return outwards(lower, ROUND_FLOOR), outwards(upper, ROUND_CEILING)

@@ -1,0 +1,218 @@
+"""What is absorbed along a path that tubes hold: each of them on its runs, and every link between them.
+
+In each tube V is kept below 1 as anywhere else (`cfjax.check.robustness`, whose letters these are); but it has to come
+down as well, to where the next tube begins and to where G is. So an amount is absorbed along the path if it leaves
+enough of the decrease for that. With the tube's bounds for the path's own curvatures, speeds and accelerations, inputs
+held for h and τ old, let the law reach
+
+    ∇V·f(x, u, r') ≤ −max(λ', μ' v_r) min(1, V̂/β̲)        for V̂ ≥ β_in and all r' within these bounds at once,
+
+where V̂ is what it takes for V, |V̂ − V| ≤ ω. For a level b between β_in and β̲ there are two kinds of holds. If
+V ≥ b + ω when it was measured, V falls: for each u0_hi (1 + a u0_hi (h + τ)/v) metres by μ' b/β̲ − spent/v at least, as
+the speed v at that time may change meanwhile. If not, V stays below the floor F_b = b + ω + D' (h + τ). So from the
+floor of one b on V falls to the floor of a lower one at that one's rate, as far as the run is long.
+
+When a tube takes over, inputs of the one before are in use for another h + τ: it has to be entered with
+V ≤ 1 − ω − D' (h + τ), and the metres of that time are lost for it. Where its reference jumps by j in √V, the one
+before has to end with V ≤ level (√(1 − ω − D' (h + τ)) − j)², level C₂ ≺ C₁.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR
+
+from flint import fmpq
+
+from cfjax.check.certified import CertifiedTube
+from cfjax.check.chain import ChainClaim, broken_goal, prove_runs
+from cfjax.check.document import FunnelClaim, ProblemClaim, read_claims
+from cfjax.check.enclosure import Budget
+from cfjax.check.handover import Run
+from cfjax.check.held_hints import TubeHints
+from cfjax.check.proof import MOST_EFFORT
+from cfjax.check.rational import decimal_text, rational, sqrt_upper
+from cfjax.check.reader import Broken
+from cfjax.check.robustness import SHARE, Absorbed, Rates, Robustness, absorbed, bands_of, least_level, tube_rates
+from cfjax.check.symbolic import Symbolic, symbolic
+from cfjax.check.tube import Range, TubeClaim
+from cfjax.check.vehicle import KNOWN_VEHICLES
+
+
+FLOORS, STEP = 64, fmpq(15, 16)  # levels b at most, and from one to the next
+
+
+@dataclass(frozen=True)
+class HeldTube:
+    """A tube with bounds over it along the path's runs there, in the path's units."""
+
+    tube: CertifiedTube
+    bounds: TubeClaim  # of the path along its runs
+    margin: fmpq  # λ and μ as they are told, 1/s and 1/m
+    margin_per_metre: fmpq
+    shell: fmpq  # β̲ as it is told
+    fastest: fmpq  # u0_hi of the whole path
+    bands: tuple[Range, ...]  # speeds, m/s
+    rates: tuple[Rates, ...]  # of each band
+
+    def blurred(self, amounts: Absorbed) -> fmpq:
+        """ω."""
+        return max(one.blurred(amounts) for one in self.rates)
+
+    def risen(self, amounts: Absorbed) -> fmpq:
+        """D' (h + τ)."""
+        return max(one.risen(amounts) for one in self.rates)
+
+    def entry(self, amounts: Absorbed) -> fmpq:
+        """V at most where this tube takes over."""
+        return 1 - self.blurred(amounts) - self.risen(amounts)
+
+    def fall(self, amounts: Absorbed, share: fmpq) -> fmpq:
+        """By how much V falls in a metre at least, where the law asks for this share of the decrease; 1/m."""
+        steepest = max(map(abs, self.bounds.acceleration))
+        late = amounts.period + amounts.delay
+        falls = []
+        for (slowest, _), rates in zip(self.bands, self.rates, strict=True):
+            kept = SHARE * self.margin_per_metre * share - rates.spent(amounts) / slowest
+            metres = self.fastest * (1 + steepest * self.fastest * late / slowest)
+            falls.append(kept / metres)
+        return min(falls)
+
+    def end_level(self, way: fmpq, amounts: Absorbed) -> fmpq:
+        """A level that V is at most after a run of so many metres, where it is kept below 1 − ω."""
+        blurred, risen = self.blurred(amounts), self.risen(amounts)
+        way -= self.bounds.speed[1] * self.fastest * (amounts.period + amounts.delay)
+        level, inner = 1 - blurred, self.shell
+        for _ in range(FLOORS):
+            fall, floor = self.fall(amounts, inner / self.shell), inner + blurred + risen
+            if fall <= 0 or way <= 0 or floor >= level:
+                break
+            fallen = min(level - floor, fall * way)
+            level, way = level - fallen, way - fallen / fall
+            if inner == self.tube.beta_inner:
+                break
+            inner = max(inner * STEP, self.tube.beta_inner)
+        return level
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of a tube along its runs, in the units of its certificate, for all that the path's car can do."""
+
+    problem: ProblemClaim
+    dynamics: Symbolic
+    along: TubeClaim
+    funnel: FunnelClaim  # margins as they are told
+
+
+def timing_of(runs: Sequence[Run]) -> Range:
+    """Of all tubes together: inputs are held from one into the next."""
+    return min(run.tube.timing[0] for run in runs), max(run.tube.timing[1] for run in runs)
+
+
+def question_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: TubeClaim, timing: Range) -> Question:
+    """Of the tube with that index, in the path's units `tube`; bounds of the path along its runs there.
+
+    Raises:
+        Unreadable, Broken: as the tube's certificate.
+    """
+    certificate, length, speed = claim.tubes[index]
+    problem, (funnel, *_) = read_claims(certificate)
+    known = KNOWN_VEHICLES[claim.vehicle]
+    as_scaled = known.reach(claim.parameters, known.scaled(problem.vehicle.parameters, length, speed))
+    units = known.units(length, speed)
+    limits = {name: limit / units[name] for name, limit in as_scaled.items()}
+    inputs = {name: timing if name == "u0" else (-limits[name], limits[name]) for name in problem.inputs}
+    margin, per_metre = told_margins(tube)
+    return Question(
+        problem=replace(problem, inputs=inputs),
+        dynamics=symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(inputs)),
+        along=bounds.scaled(1 / length, 1 / speed),
+        funnel=replace(funnel, margin=margin * length / speed, margin_per_metre=per_metre * length),
+    )
+
+
+def told_margins(tube: CertifiedTube) -> tuple[fmpq, fmpq]:
+    """λ (1/s) and μ (1/m) as they are printed."""
+    margin, per_metre = (rational(decimal_text(value, ROUND_FLOOR)) for value in (tube.margin, tube.margin_per_metre))
+    return margin, per_metre
+
+
+def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tuple[Robustness, tuple[HeldTube, ...]]:
+    """What is absorbed along the path of a proven chain, and what it was concluded from, by tube.
+
+    Raises:
+        Unreadable, Broken, ValueError: says what is not proven.
+    """
+    runs, _ = prove_runs(claim)
+    effort, timing, pieces = Budget(MOST_EFFORT), timing_of(runs), claim.reference.pieces
+    held = []
+    for index, own in enumerate(hints):
+        mine = [run for run, (_, _, tube) in zip(runs, claim.runs, strict=True) if tube == index]
+        if not mine:
+            raise Broken(f"tube {index}: it holds nowhere along the path")
+        if not all(piece.inside(own.bounds) for run in mine for piece in pieces[run.begin : run.end]):
+            raise Broken(f"robustness: the path leaves the bounds that are told of it in tube {index}")
+        if not own.bounds.lies_in(mine[0].tube):
+            raise Broken(f"robustness: the bounds that are told of the path are wider than tube {index}")
+        question = question_of(claim, index, mine[0].tube, own.bounds, timing)
+        held.append(_held(mine[0].tube, question, timing, own, claim.tubes[index][1:], effort))
+    by_run = [held[tube] for _, _, tube in claim.runs]
+    ways = [_way(claim, run) for run in runs]
+
+    def keeps(amounts: Absorbed) -> fmpq | None:
+        kept = least_level([rates for own in held for rates in own.rates], amounts)
+        ends = [own.end_level(way, amounts) for own, way in zip(by_run, ways, strict=True)]
+        return kept if kept is not None and _handed_over(claim, by_run, ends, amounts) else None
+
+    found = absorbed([rates for own in held for rates in own.rates], keeps)
+    if not found.alone.period:
+        raise Broken("robustness: a tube is left as soon as it may be, with nothing to spare")
+    return found, tuple(held)
+
+
+def _way(claim: ChainClaim, run: Run) -> fmpq:
+    """Metres of the path."""
+    first, last = claim.reference.pieces[run.begin], claim.reference.pieces[run.end - 1]
+    return last.arc + last.length - first.arc
+
+
+def _handed_over(claim: ChainClaim, tubes: Sequence[HeldTube], ends: Sequence[fmpq], amounts: Absorbed) -> bool:
+    """Whether each tube ends low enough for the next one, and the last one for G."""
+    followers = [*tubes[1:], *tubes[:1]]
+    for index, (link, level, following) in enumerate(zip(claim.levels, ends, followers, strict=False)):
+        entry = following.entry(amounts)
+        if entry <= 0:
+            return False
+        last = index == len(tubes) - 1
+        jump = claim.reference.gap.jump(following.tube.shape, following.tube.inverse) if last else fmpq(0)
+        room = entry / sqrt_upper(entry) - jump  # entry/√entry from above is at most √entry
+        if room <= 0 or level > link * room**2:
+            return False
+    return claim.sets is None or not broken_goal(claim.sets, tubes[-1].tube, ends[-1])
+
+
+def _held(
+    tube: CertifiedTube, question: Question, timing: Range, hints: TubeHints, scale: tuple[fmpq, fmpq], effort: Budget
+) -> HeldTube:
+    """Bounds over a tube, proven in the units of its certificate."""
+    length, speed = scale
+    shell = rational(decimal_text(tube.beta_lower, ROUND_CEILING))
+    bands = bands_of(question.along, hints.bands)
+    rates = [
+        tube_rates(
+            question.problem, question.dynamics, question.along, question.funnel, band, shell, stretch.pieces, effort
+        )
+        for band, stretch in zip(bands, hints.bands, strict=True)
+    ]
+    margin, per_metre = told_margins(tube)
+    axes = KNOWN_VEHICLES[tube.vehicle].axes(length, speed)
+    return HeldTube(
+        tube=tube,
+        bounds=hints.bounds,
+        margin=margin,
+        margin_per_metre=per_metre,
+        shell=shell,
+        fastest=timing[1],
+        bands=tuple((low * speed, high * speed) for low, high in bands),
+        rates=tuple(one.in_units(axes, speed / length) for one in rates),
+    )

@@ -1,0 +1,321 @@
+"""What is absorbed along a path that tubes hold: how V comes down under held inputs, links, cars of other sizes."""
+
+import copy
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flint import fmpq
+
+import cfjax
+from cfjax.certificate.robustness import robustness_document
+from cfjax.check import Outcome, Report, check_document
+from cfjax.check.chain import read_chain
+from cfjax.check.chain_robustness import HeldTube, prove_chain_robustness
+from cfjax.check.document import document_hash
+from cfjax.check.held_hints import read_chain_hints
+from cfjax.check.replay import check_robustness
+from cfjax.check.robustness import SHARE, Absorbed, Rates
+from cfjax.check.tube import TubeClaim
+from cfjax.funnel import Funnel, Leg, template_named
+from cfjax.plants import Model, sensor_named
+from cfjax.problem import (
+    Interval,
+    KinematicBicycle,
+    Path,
+    Pose,
+    Problem,
+    Profile,
+    ReferencePoint,
+    Segment,
+    Tube,
+    ball,
+    deviation_rate,
+)
+from cfjax.simulation.controller import Follower
+from cfjax.simulation.sampled import drive_sampled
+from cfjax.simulation.starts import in_world
+from cfjax.simulation.track import track_of
+from cfjax.tubes import chain_document, library
+from cfjax.tubes.follow import Following
+from tests.by_hand import tube
+
+
+SAMPLES = 20_000
+NOTHING = Absorbed(fmpq(0), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
+
+
+class Chain(NamedTuple):
+    """A path with its tubes, both files, and what is proven of them."""
+
+    following: Following
+    document: dict[str, Any]
+    hints: dict[str, Any]
+    report: Report
+    held: tuple[HeldTube, ...]
+
+
+def chain_of(following: Following) -> Chain:
+    document = chain_document(following)
+    hints = robustness_document(document, workers=2)
+    report = check_robustness(check_document(document), document, hints)
+    assert report.outcome is Outcome.PROVEN, report.message
+    claim = read_chain(document, skip_hash=True)
+    read = read_chain_hints(hints, str(document["hash"]), len(claim.tubes), 4)
+    found, held = prove_chain_robustness(claim, read)
+    assert found == report.robustness
+    return Chain(following, document, hints, report, held)
+
+
+def narrowing(gentle: float) -> Following:
+    """Some metres in a wide tube, then a bend that only a narrow one holds: V has to come down to a tenth before."""
+    breaks = (0.0, gentle, gentle + 2.0)
+    bend = Segment(Profile(breaks, ((0.2,), (1.8,))), Profile(breaks, ((1.0,), (1.0,))), Pose(0.0, 0.0, 0.0))
+    by_name = {each.name: each for each in library()}
+    wide, narrow = by_name["wide-gentle-slow"], by_name["normal-tight-slow"]
+    only_bends = replace(narrow, curvature=(fmpq(3, 2), narrow.curvature[1]))
+    following = cfjax.follow(Path("narrowing", (bend,)), [wide, only_bends])
+    assert len(following.runs) == 2
+    return following
+
+
+@pytest.fixture(scope="module")
+def two() -> Chain:
+    return chain_of(narrowing(8.0))
+
+
+# --- how V comes down
+
+
+def by_hand(**changes: Any) -> HeldTube:
+    """μ = 1/m, β̲ = 0.9, β_in = 0.1, at 1 to 2 m/s in two bands."""
+    rates = Rates(
+        rise=fmpq(10),
+        bend=fmpq(400),
+        slopes=(fmpq(20),) * 4,
+        gradient=(fmpq(3),) * 4,
+        norms=(fmpq(2),) * 4,
+        widest=fmpq(1),
+        staleness=fmpq(300),
+        decrease=SHARE,
+        inner=fmpq(9, 10),
+    )
+    levels = {"beta_lower": fmpq(9, 10), "beta_inner": fmpq(1, 10)}
+    own = tube(**levels, margin_per_metre=fmpq(1), inputs={"u0": (fmpq(1, 2), fmpq(1))})
+    still = fmpq(0), fmpq(0)
+    values = {
+        "tube": own,
+        "bounds": TubeClaim(still, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(1))),
+        "margin": fmpq(1),
+        "margin_per_metre": fmpq(1),
+        "shell": fmpq(9, 10),
+        "fastest": fmpq(1),
+        "bands": ((fmpq(1), fmpq(3, 2)), (fmpq(3, 2), fmpq(2))),
+        "rates": (rates, replace(rates, bend=fmpq(600), decrease=SHARE * fmpq(3, 2))),
+    }
+    return HeldTube(**(values | changes))
+
+
+def worst_end(own: HeldTube, way: float, period: float, speed: float) -> float:
+    """V after so many metres at one speed where all goes as badly as the bounds allow, hold by hold."""
+    rates = own.rates[0] if speed <= 1.5 else own.rates[1]
+    inner, shell, fastest = float(own.tube.beta_inner), float(own.shell), float(own.fastest)
+    value, gone = 1.0, speed * fastest * period  # the first hold is of another tube's input
+    while gone < way:
+        share = min(1.0, value / shell)
+        asked = float(SHARE) * float(own.margin_per_metre) * speed * share
+        falls = value - asked * period + float(rates.bend) * period**2 / 2
+        value = falls if value >= inner else min(value + float(rates.rise) * period, inner + 10 * period)
+        gone += speed * fastest * period
+    return value
+
+
+@pytest.mark.parametrize("period", [1e-4, 5e-4, 1e-3])
+def test_v_comes_down_no_slower_than_is_said(period: float) -> None:
+    own = by_hand()
+    amounts = replace(NOTHING, period=fmpq(round(period * 10**6), 10**6))
+    for way, speed in itertools.product((0.05, 0.3, 1.0, 2.0, 5.0), (1.0, 1.5, 2.0)):
+        told = float(own.end_level(fmpq(round(1000 * way), 1000), amounts))
+        worst = worst_end(own, way, period, speed)
+        assert worst <= told + 1e-12
+        assert told < worst + 0.03 + 60 * period or speed > 1  # the slowest speed is the one that counts
+
+
+def test_with_nothing_amiss_v_comes_down_as_in_the_certificate() -> None:
+    own = by_hand()
+    for way in (0.1, 0.5, 1.0, 3.0):
+        exact = fmpq(round(100 * way), 100)
+        certified = own.tube.level_after(exact)
+        # slower by what a law in floating point may miss, and by steps from level to level
+        assert certified <= own.end_level(exact, NOTHING) <= certified + fmpq(3, 100)
+
+
+def test_more_amiss_is_more_of_the_way() -> None:
+    own, way = by_hand(), fmpq(1)
+    some = Absorbed(fmpq(1, 2000), (fmpq(1, 100),) * 4, (fmpq(1, 1000),) * 4, fmpq(1, 4000))
+    before = own.end_level(way, NOTHING)
+    for name in ("period", "disturbance", "pose_error", "delay"):
+        assert own.end_level(way, replace(NOTHING, **{name: getattr(some, name)})) > before
+    assert own.end_level(way, some) < own.entry(NOTHING)
+    assert own.end_level(way, some.scaled(fmpq(40))) == 1 - own.blurred(some.scaled(fmpq(40)))  # nothing falls
+    assert own.entry(some) < 1 - own.blurred(some) < 1
+
+
+# --- along a real path
+
+
+def test_what_is_spent_on_links_is_not_absorbed(two: Chain) -> None:
+    """The shorter the way in the wide tube, the less may go amiss; enough of it, and the tubes themselves decide."""
+    absorbed = two.report.robustness
+    assert absorbed is not None
+    periods = []
+    for metres in (4.6, 5.0, 8.0):
+        claim = read_chain(chain_document(narrowing(metres)), skip_hash=True)
+        hints = read_chain_hints(two.hints, str(two.document["hash"]), 2, 4)  # at the same curvatures and speed
+        periods.append(prove_chain_robustness(claim, hints)[0].alone.period)
+    assert 0 < periods[0] < periods[1] < periods[2] == absorbed.alone.period
+    own = min(min(2 * one.decrease / one.bend for one in held.rates) for held in two.held)
+    assert absorbed.alone.period < own
+
+
+def states_of(own: HeldTube, level: float, rng: np.random.Generator) -> jax.Array:
+    """On {V = level}."""
+    y = rng.normal(size=(SAMPLES, 4))
+    shape = np.array([[float(entry) for entry in row] for row in own.tube.shape])
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    return jnp.asarray(math.sqrt(level) * y @ np.linalg.inv(np.linalg.cholesky(shape)))
+
+
+def inputs_of(vehicle: KinematicBicycle, timing: tuple[float, float], rng: np.random.Generator) -> jax.Array:
+    """Corners of the box, three quarters of them, and what lies between."""
+    box = np.array([timing, *((limits.lower, limits.upper) for limits in vehicle.input_box)])
+    share = rng.uniform(size=(SAMPLES, 3))
+    share = np.where(rng.uniform(size=(SAMPLES, 1)) < 0.75, np.round(share), share)
+    return jnp.asarray(box[:, 0] + share * (box[:, 1] - box[:, 0]))
+
+
+def rates_of(vehicle: KinematicBicycle, own: HeldTube) -> Callable[[jax.Array, jax.Array], jax.Array]:
+    """ẋ of states (k, 4) under inputs (k, 3), on the run's own curvature and speed."""
+    kappa, speed = float(own.bounds.curvature[0]), float(own.bounds.speed[0])
+    point = ReferencePoint(kappa * speed, speed, 0.0, 0.0)
+
+    def rate(x: jax.Array, u: jax.Array) -> jax.Array:
+        return jnp.stack(jnp.broadcast_arrays(*deviation_rate(vehicle, tuple(x.T), tuple(u.T), point)), axis=1)
+
+    return rate
+
+
+def level_of(own: HeldTube, x: jax.Array) -> np.ndarray:
+    shape = np.array([[float(entry) for entry in row] for row in own.tube.shape])
+    return np.einsum("ki,ij,kj->k", np.asarray(x), shape, np.asarray(x))
+
+
+def test_whatever_is_held_into_the_next_tube_stays_inside_until_an_input_is_chosen_there(two: Chain) -> None:
+    absorbed, vehicle, rng = two.report.robustness, KinematicBicycle(), np.random.default_rng(0)
+    assert absorbed is not None
+    own, rate = two.held[1], rates_of(vehicle, two.held[1])
+    amounts = replace(NOTHING, period=absorbed.alone.period)
+    start, inputs = states_of(own, float(own.entry(amounts)), rng), inputs_of(vehicle, (0.5, 2.0), rng)
+
+    def after(time: float) -> float:
+        x = start
+        for _ in range(4):
+            x = x + time / 4 * rate(x + time / 8 * rate(x, inputs), inputs)
+        return float(level_of(own, x).max())
+
+    period = float(absorbed.alone.period)
+    assert after(period) <= 1
+    assert after(4 * period) > 1
+
+
+@pytest.mark.parametrize("car", [(0.3, 1.0, 2.0), (0.34, 1.2, 5.0)], ids=["smaller", "stronger"])
+def test_bounds_are_those_of_the_car_that_drives(car: tuple[float, float, float]) -> None:
+    """A similar car, and one that can do more than the proven one: V̇ and V̈ stay below the bounds, and come close."""
+    vehicle, rng = KinematicBicycle(*car), np.random.default_rng(1)
+    found = chain_of(cfjax.follow(cfjax.circle(1.0, 0.8), vehicle=vehicle))
+    (own,) = found.held
+    rate, shape = rates_of(vehicle, own), jnp.asarray([[float(entry) for entry in row] for row in own.tube.shape])
+    x, u = states_of(own, 1.0, rng), inputs_of(vehicle, (0.5, 2.0), rng)
+
+    def rising(x: jax.Array) -> jax.Array:
+        return 2 * jnp.einsum("ki,ij,kj->k", x, shape, rate(x, u))
+
+    first, second = jax.jvp(rising, (x,), (rate(x, u),))
+    (rates,) = own.rates
+    assert 0.7 * float(rates.rise) < float(first.max()) <= float(rates.rise)
+    assert 0.5 * float(rates.bend) < float(second.max()) <= float(rates.bend)
+    slopes = jnp.abs(jax.vmap(jax.grad(lambda x, u: 2 * x @ shape @ rate(x[None], u[None])[0]))(x, u)).max(axis=0)
+    assert all(seen <= float(bound) for seen, bound in zip(slopes, rates.slopes, strict=True))
+
+
+def test_cars_stay_in_both_tubes_at_the_proven_period(two: Chain) -> None:
+    """Under the law that asks for the path's bounds, from V = 1, over the link and to the end."""
+    absorbed, following = two.report.robustness, two.following
+    assert absorbed is not None
+    problem = Problem(following.path, inlet=ball(0.2), goal=ball(0.5))
+    legs = []
+    for stretch, own in zip(following.tubes, two.held, strict=True):
+        shape = np.array([[float(entry) for entry in row] for row in own.tube.shape])
+        levels = float(own.tube.beta_lower), float(own.tube.beta_inner)
+        funnel = Funnel(template_named("contracting"), shape, 0.0, math.inf, *levels)
+        along = Tube(
+            *(Interval(*map(float, getattr(own.bounds, name))) for name in ("curvature", "speed", "acceleration"))
+        )
+        legs.append(Leg(stretch.end, funnel, float(own.margin), float(own.margin_per_metre), along))
+    track, period = track_of(problem, legs), float(absorbed.alone.period)
+    x = states_of(two.held[0], 1 - 1e-9, np.random.default_rng(2))[:16]
+    starts = in_world(track, x)
+    loop = drive_sampled(
+        problem,
+        legs,
+        Follower(track, period),
+        Model(problem.vehicle),
+        starts,
+        period=period,
+        sensor=sensor_named("none", problem.vehicle),
+        theta=np.zeros(16),
+    )
+    assert loop.arrived.all()
+    assert loop.largest_value.max() <= 1
+    assert not loop.left_funnel.any()
+
+
+# --- files
+
+
+def test_what_is_told_of_the_path_is_looked_at(two: Chain) -> None:
+    sentence = two.report.message
+    assert "for every curvature and acceleration of the bounds at once (tube 0: lambda = " in sentence
+    assert "whatever the path does meanwhile" in sentence
+
+    report = check_document(two.document)
+
+    def answer(change: Callable[[dict], Any]) -> tuple[Outcome, str]:
+        copied = copy.deepcopy(two.hints)
+        change(copied)
+        copied["hash"] = document_hash(copied)
+        found = check_robustness(report, two.document, copied)
+        return found.outcome, found.message
+
+    def bounds(index: int, name: str, ends: list[str]) -> Callable[[dict], None]:
+        return lambda hints: hints["tubes"][index]["bounds"].update({name: ends})
+
+    assert answer(lambda hints: None)[0] is Outcome.PROVEN
+    spoiled = {
+        "leaves the bounds that are told of it in tube 0": bounds(0, "curvature", ["1/4", "1/3"]),
+        "wider than tube 1": bounds(1, "curvature", ["9/5", "3"]),
+        "bands of speed": bounds(0, "speed", ["1/2", "2"]),
+        "have to cover": lambda hints: hints["tubes"][1]["bands"][0]["levels"][0]["cells"].pop(),
+        "hints for another certificate": lambda hints: hints.update(certificate="0" * 64),
+    }
+    for reason, change in spoiled.items():
+        outcome, message = answer(change)
+        assert outcome is Outcome.BROKEN and reason in message, message
+    assert answer(lambda hints: hints["tubes"].pop())[0] is Outcome.UNREADABLE
+    assert answer(lambda hints: hints.update(funnels=hints.pop("tubes")))[0] is Outcome.UNREADABLE
