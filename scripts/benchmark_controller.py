@@ -23,7 +23,7 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 import jax
 import jax.numpy as jnp
 
-from cfjax.control import MinNorm, law_numbers
+from cfjax.control import MinNorm, leg_numbers
 from cfjax.errors import InputError
 from cfjax.export import write_controller
 from cfjax.export.compiled import compile_controller
@@ -98,7 +98,7 @@ def in_jax(result: Result, batch: int, runs: int) -> list[float]:
     problem, leg = result.problem, result.legs[0]
     theta, _, x = places(result, batch)
     theta = theta * leg.end / result.legs[-1].end
-    numbers = law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre)
+    numbers = leg_numbers(problem, leg)
     profiles, vehicle, template = profiles_of(problem.path), problem.vehicle, leg.funnel.template
 
     @jax.jit

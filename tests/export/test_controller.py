@@ -15,7 +15,7 @@ import pytest
 import cfjax.problem
 import cfjax.simulation.rollout as rollout
 from cfjax.conf import preset, problem_of, yaml_of
-from cfjax.control import MinNorm, law_numbers, locate
+from cfjax.control import MinNorm, leg_numbers, locate
 from cfjax.errors import InputError
 from cfjax.export import sources_of, write_controller
 from cfjax.export.__main__ import main
@@ -165,7 +165,7 @@ def by_jax(result: Result, theta: np.ndarray, leg: np.ndarray, x: np.ndarray) ->
     for i, each in enumerate(result.legs):
         own = leg == i
         at, states = jnp.asarray(theta[own]), tuple(jnp.asarray(column) for column in x[own].T)
-        numbers = law_numbers(problem, each.funnel, each.margin, each.margin_per_metre)
+        numbers = leg_numbers(problem, each)
         point = ReferencePoint(*(jnp.broadcast_to(f, at.shape) for f in point_at(profiles, profiles.find(at), at)))
         found = MinNorm()(problem.vehicle, each.funnel.template, numbers, point, at - begin, states)
         inputs[own] = np.stack([np.broadcast_to(v, at.shape) for v in found], axis=1)
