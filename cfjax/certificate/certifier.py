@@ -31,7 +31,8 @@ from cfjax.check import Outcome, check_document
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.containment import broken_containments
 from cfjax.check.document import MOST_GRAM_ENTRIES, Course, FunnelClaim, ProblemClaim, read_problem
-from cfjax.check.proof import broken_link, links, require_meaning
+from cfjax.check.meaning import require_meaning
+from cfjax.check.proof import broken_link, links
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import symbolic

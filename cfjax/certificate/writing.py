@@ -12,9 +12,9 @@ from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
+from cfjax.check.meaning import closes
 from cfjax.check.piece import Piece
 from cfjax.check.program import Matrix
-from cfjax.check.proof import closes
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim
@@ -56,7 +56,7 @@ def write_vehicle(vehicle: Vehicle, graph: Graph) -> dict[str, Any]:
     """Name, parameters, states, and the deviation's rate as a graph."""
     return {
         "name": vehicle.name,
-        "parameters": _parameters(vehicle),
+        "parameters": {name: str(value) for name, value in exact_parameters(vehicle).items()},
         "states": list(vehicle.state_names),
         "dynamics": {"nodes": [_node(node) for node in graph.nodes], "outputs": list(graph.outputs)},
     }
@@ -182,11 +182,12 @@ def _number(value: float) -> str:
     return str(rational(float(value)))
 
 
-def _parameters(vehicle: Vehicle) -> dict[str, str]:
+def exact_parameters(vehicle: Vehicle) -> dict[str, fmpq]:
+    """The numbers among its fields."""
     fields = dataclasses.fields(vehicle) if dataclasses.is_dataclass(vehicle) else ()
     values = {field.name: getattr(vehicle, field.name) for field in fields}
     return {
-        name: _number(value)
+        name: rational(float(value))
         for name, value in values.items()
         if isinstance(value, int | float) and not isinstance(value, bool)
     }

@@ -40,7 +40,7 @@ class CertifiedTube:
     """A tube with a checked certificate: the numbers that chains are proven from.
 
     `parameters` are the vehicle's; `curvature` in 1/m, `speed` in m/s, `acceleration` dv_r/dθ in m/s² are closed
-    intervals. `shape` is C in the coordinates (α, x, y, v). `margin` (1/s) and `margin_per_metre` are λ and μ of
+    intervals. `shape` is C in the coordinates `states`. `margin` (1/s) and `margin_per_metre` are λ and μ of
     V̇ ≤ −λ min(1, V/beta_lower) and V̇ ≤ −μ v_r min(1, V/beta_lower) for V in [beta_inner, 1]. `inputs` are intervals by
     name, "u0", the rate of θ, first.
 
@@ -62,6 +62,7 @@ class CertifiedTube:
     margin_per_metre: fmpq
     inputs: Mapping[str, Range]
     origin: Origin | None = None
+    states: tuple[str, ...] = STATES
 
     def __post_init__(self) -> None:
         for label in ("curvature", "speed", "acceleration"):
@@ -70,8 +71,8 @@ class CertifiedTube:
                 raise ValueError(f"tube {self.name}: expected an interval of {label}, lower end first")
         if not self.speed[0] > 0:
             raise ValueError(f"tube {self.name}: expected speeds above zero, got {about(self.speed[0])}")
-        if len(self.shape) != len(STATES) or not is_positive_definite(self.shape):
-            raise ValueError(f"tube {self.name}: expected a positive definite C in {', '.join(STATES)}")
+        if len(self.shape) != len(self.states) or not is_positive_definite(self.shape):
+            raise ValueError(f"tube {self.name}: expected a positive definite C in {', '.join(self.states)}")
         if not 0 < self.beta_inner <= self.beta_lower <= 1 or not self.margin_per_metre > 0:
             raise ValueError(f"tube {self.name}: expected 0 < beta_inner <= beta_lower <= 1 and a positive margin")
         if next(iter(self.inputs), None) != "u0" or not 0 < self.inputs["u0"][0] <= self.inputs["u0"][1]:

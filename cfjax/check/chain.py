@@ -9,30 +9,42 @@ tube, every tube in S, and what is left of the last one at the end in G.
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
+from typing import NamedTuple
 
 from flint import fmpq
 
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
 from cfjax.check.containment import broken_containments
-from cfjax.check.document import FORMAT, MOST_PIECES, VERSION, document_hash, read_claims, read_reference
+from cfjax.check.document import (
+    FORMAT,
+    MOST_PARAMETERS,
+    MOST_PIECES,
+    MOST_STATES,
+    VERSION,
+    VehicleClaim,
+    document_hash,
+    read_claims,
+    read_reference,
+)
 from cfjax.check.handover import ProvenLink, Run, prove_chain
+from cfjax.check.meaning import described, require_lap
 from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import Reference, is_closed
 from cfjax.check.report import Outcome, Report
 from cfjax.check.similarity import scaled, served
+from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim
-from cfjax.check.vehicle import KNOWN_VEHICLES, STATES
+from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
 CHAIN = "chain"
 MOST_TUBES = 12
 
 
-@dataclass(frozen=True)
-class SetsClaim:
+class SetsClaim(NamedTuple):
     """Half-axes of I and G and half-widths of S (or None), by state."""
 
     inlet: tuple[fmpq, ...]
@@ -59,14 +71,12 @@ def tube_of(document: object, name: str) -> CertifiedTube:
     """The tube that a certificate claims, unproven.
 
     Raises:
-        Unreadable: no certificate, or one of something else, or of a vehicle that has no meaning here.
+        Unreadable: no certificate, or one of something else.
     """
     problem, (funnel, *_) = read_claims(document)
     tube = problem.course
     if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
         raise Unreadable("expected the certificate of a tube, got one of something else")
-    if problem.vehicle.name not in KNOWN_VEHICLES:  # any other name stands for no particular dynamics or states
-        raise Unreadable(f"expected a vehicle out of {', '.join(KNOWN_VEHICLES)}, got {problem.vehicle.name}")
     return CertifiedTube(
         name=name,
         vehicle=problem.vehicle.name,
@@ -81,6 +91,7 @@ def tube_of(document: object, name: str) -> CertifiedTube:
         margin=funnel.margin,
         margin_per_metre=funnel.margin_per_metre,
         inputs=problem.inputs,
+        states=problem.vehicle.states,
     )
 
 
@@ -108,7 +119,6 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
     )
     margins = tuple(run.tube.margin for run in runs)
     widths = ", ".join(decimal_text(sqrt_upper(run.tube.inverse[1, 1]), ROUND_CEILING) for run in runs)
-    values = ", ".join(f"{label} {about(value)}" for label, value in claim.parameters.items())
     time = f"{decimal_text(arrival[0], ROUND_FLOOR)} to {decimal_text(arrival[1], ROUND_CEILING)} s"
     ending = (
         f"for ever, lap after lap of {time}"
@@ -121,9 +131,9 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
         f"{decimal_text(max(box[name][1] for box in boxes), ROUND_CEILING)}]"
         for name in boxes[0]
     )
-    started, inside = _sets_text(claim.sets)
+    started, inside = _sets_text(claim.sets, last.tube.states)
     message = (
-        f'PROVEN: the vehicle "{claim.vehicle}" ({values}) can be held in tubes along the path "{claim.name}", '
+        f'PROVEN: {described(*vehicle_of(claim))} can be held in tubes along the path "{claim.name}", '
         f"whose {len(pieces)} pieces of {about(claim.reference.length)} m stand in the file, by inputs {inputs}. "
         f"{started}, under any law that enforces {about(LAW_SHARE)} of the tubes' margins, the car stays in them "
         f"{ending}{inside}. Tubes in turn, by lateral half-width: {widths} m. Proven certificates: {len(claim.tubes)}, "
@@ -141,12 +151,16 @@ def prove_runs(claim: ChainClaim) -> tuple[list[Run], tuple[ProvenLink, ...]]:
     tubes = []
     for index, (certificate, length, speed) in enumerate(claim.tubes):
         tube = tube_of(certificate, str(index))  # refuses everything that is none, a chain in a chain too
-        if tube.vehicle != claim.vehicle:
+        if tube.vehicle != claim.vehicle or not _is_alike(claim, certificate):
             raise Broken(f"tube {index}: it is proven for another vehicle")
+        if claim.sets and any(len(axes) != len(tube.states) for axes in claim.sets if axes is not None):
+            raise Broken(f"sets: expected {len(tube.states)} numbers each, one for each state of the vehicle")
         own = served(scaled(tube, length, speed), claim.parameters)
         if own is None:
             raise Broken(f"tube {index}: its vehicle can do what this one cannot")
         tubes.append(own)
+    if claim.closed:
+        require_lap(*vehicle_of(claim), claim.reference.pieces)
     runs = [Run(begin, end, tubes[index]) for begin, end, index in claim.runs]
     links = prove_chain(claim.reference, runs, claim.levels, claim.closed)  # bounds first: a wild path has no gap
     if claim.closed and not is_closed(claim.reference.gap):
@@ -154,12 +168,32 @@ def prove_runs(claim: ChainClaim) -> tuple[list[Run], tuple[ProvenLink, ...]]:
     return runs, links
 
 
+def vehicle_of(claim: ChainClaim) -> tuple[VehicleClaim, Symbolic]:
+    """The vehicle that drives, with the dynamics in the certificate of the first tube."""
+    problem, _ = read_claims(claim.tubes[0][0])
+    dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
+    return replace(problem.vehicle, parameters=claim.parameters), dynamics
+
+
+def _is_alike(claim: ChainClaim, certificate: object) -> bool:
+    """Whether a tube speaks of the chain's vehicle: as its name has it, or, where that is not known, as the first one.
+
+    Inputs of one tube are held into the next, so that of an unknown vehicle their limits are the same too.
+    """
+    (one, _), (other, _) = read_claims(claim.tubes[0][0]), read_claims(certificate)
+    if known := KNOWN_VEHICLES.get(claim.vehicle):
+        return other.vehicle.states == known.states
+    limits = [{name: ends for name, ends in problem.inputs.items() if name != "u0"} for problem in (one, other)]
+    return one.vehicle == other.vehicle and limits[0] == limits[1]
+
+
 def _check_sets(sets: SetsClaim, runs: list[Run], finish: fmpq) -> None:
     """Raises Broken unless I is in the first tube, every tube in S, and {V ≤ finish} of the last one in G."""
     zero = fmpq(0)
-    broken = broken_containments(STATES, runs[0].tube.shape, "paper", zero, zero, sets.inlet, None, sets.safe)
+    states = runs[0].tube.states
+    broken = broken_containments(states, runs[0].tube.shape, "paper", zero, zero, sets.inlet, None, sets.safe)
     for run in runs[1:]:
-        broken += broken_containments(STATES, run.tube.shape, "paper", zero, zero, None, None, sets.safe)
+        broken += broken_containments(states, run.tube.shape, "paper", zero, zero, None, None, sets.safe)
     broken += broken_goal(sets, runs[-1].tube, finish)
     if broken:
         raise Broken("; ".join(dict.fromkeys(broken)))
@@ -168,10 +202,10 @@ def _check_sets(sets: SetsClaim, runs: list[Run], finish: fmpq) -> None:
 def broken_goal(sets: SetsClaim, tube: CertifiedTube, level: fmpq) -> list[str]:
     """Why {V ≤ level} = {xᵀ (C/level) x ≤ 1} does not lie in G; nothing where it does."""
     end = [[entry / level for entry in row] for row in tube.shape]
-    return broken_containments(STATES, end, "paper", fmpq(0), fmpq(1), None, sets.goal, None)
+    return broken_containments(tube.states, end, "paper", fmpq(0), fmpq(1), None, sets.goal, None)
 
 
-def _sets_text(sets: SetsClaim | None) -> tuple[str, str]:
+def _sets_text(sets: SetsClaim | None, states: tuple[str, ...]) -> tuple[str, str]:
     """Where a car may start, and what is said of S and G."""
     if sets is None:
         return "Started with V < 1 in the first tube", ""
@@ -180,18 +214,19 @@ def _sets_text(sets: SetsClaim | None) -> tuple[str, str]:
         return "(" + ", ".join(decimal_text(value, rounding) for value in values) + ")"
 
     safe = "" if sets.safe is None else f" It stays in S with half-widths {axes(sets.safe, ROUND_CEILING)}."
-    started = f"Deviations ({', '.join(STATES)}): started in I with half-axes {axes(sets.inlet, ROUND_FLOOR)}"
+    started = f"Deviations ({', '.join(states)}): started in I with half-axes {axes(sets.inlet, ROUND_FLOOR)}"
     return started, f", at the end inside G with half-axes {axes(sets.goal, ROUND_CEILING)}.{safe}".removesuffix(".")
 
 
-def _sets(item: Item) -> SetsClaim | None:
+def _sets(item: Item, states: tuple[str, ...] | None) -> SetsClaim | None:
+    """Of so many states, or as many as stand there."""
     if item.value is None:
         return None
-    size = len(STATES)
     inlet, goal, safe = item.record("inlet", "goal", "safe")
 
     def axes(entry: Item) -> tuple[fmpq, ...]:
-        return tuple(value.positive() for value in entry.items(size, size))
+        least, most = (1, MOST_STATES) if states is None else (len(states), len(states))
+        return tuple(value.positive() for value in entry.items(most, least))
 
     return SetsClaim(axes(inlet), axes(goal), None if safe.value is None else axes(safe))
 
@@ -226,10 +261,11 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
         end, tube = entry.record("end", "tube")
         runs.append((begin, end.integer(begin + 1, len(reference.pieces)), tube.integer(0, len(tubes) - 1)))
         begin = runs[-1][1]
-    kind = vehicle.choice(*KNOWN_VEHICLES)
-    own = {label: value.positive() for label, value in parameters.entries(8)}
-    if set(own) != set(KNOWN_VEHICLES[kind].parameters):
+    kind, known = vehicle.text(), KNOWN_VEHICLES.get(vehicle.text())
+    numbers = parameters.entries(MOST_PARAMETERS, least=0)
+    own = {label: value.positive() if known else value.rational() for label, value in numbers}
+    if known and set(own) != set(known.parameters):
         parameters.refuse(f"the parameters of a {kind}")
     levels = tuple(level.positive() for level in fields[9].items(MOST_PIECES, least=0))
-    sets = _sets(fields[6])
+    sets = _sets(fields[6], known.states if known else None)
     return ChainClaim(name.text(), closed.value is True, kind, own, reference, tuple(tubes), tuple(runs), levels, sets)

@@ -117,11 +117,11 @@ def question_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: Tube
     """
     certificate, length, speed = claim.tubes[index]
     problem, (funnel, *_) = read_claims(certificate)
-    known = KNOWN_VEHICLES[claim.vehicle]
-    as_scaled = known.reach(claim.parameters, known.scaled(problem.vehicle.parameters, length, speed))
-    units = known.units(length, speed)
-    limits = {name: limit / units[name] for name, limit in as_scaled.items()}
-    inputs = {name: timing if name == "u0" else (-limits[name], limits[name]) for name in problem.inputs}
+    inputs = dict(problem.inputs) | {"u0": timing}
+    if known := KNOWN_VEHICLES.get(claim.vehicle):
+        as_scaled = known.reach(claim.parameters, known.scaled(problem.vehicle.parameters, length, speed))
+        units = known.units(length, speed)
+        inputs |= {name: (-limit / units[name], limit / units[name]) for name, limit in as_scaled.items()}
     margin, per_metre = told_margins(tube)
     return Question(
         problem=replace(problem, inputs=inputs),
@@ -205,7 +205,8 @@ def _held(
         for band, stretch in zip(bands, hints.bands, strict=True)
     ]
     margin, per_metre = told_margins(tube)
-    axes = KNOWN_VEHICLES[tube.vehicle].axes(length, speed)
+    known = KNOWN_VEHICLES.get(tube.vehicle)  # of others the scales are 1
+    axes = known.axes(length, speed) if known else (fmpq(1),) * len(tube.states)
     return HeldTube(
         tube=tube,
         bounds=hints.bounds,

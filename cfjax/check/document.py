@@ -29,6 +29,7 @@ CLAIMS = ("funnel", "refutation")
 PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
 TEMPLATES = {"paper": "c0", "contracting": "rate"}
 MOST_STATES = 6
+MOST_PARAMETERS = 32  # of a vehicle
 MOST_INPUTS = 4  # u0 among them
 MOST_NODES = 400
 MOST_FUNCTIONS = 32  # nodes that apply sin, cos, …
@@ -305,7 +306,7 @@ def _vehicle(item: Item) -> VehicleClaim:
     except ValueError as error:
         raise Unreadable(f"{dynamics.where}: {error}") from None
     return VehicleClaim(
-        name.text(), {k: value.rational() for k, value in parameters.entries(32, least=0)}, labels, graph
+        name.text(), {k: value.rational() for k, value in parameters.entries(MOST_PARAMETERS, least=0)}, labels, graph
     )
 
 

@@ -11,11 +11,9 @@ the reference jumps by so little that √V_j changes by at most δ (in speed, an
 
 from collections.abc import Iterator, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from itertools import pairwise
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.body import is_a_body, looks_at_one_angle
 from cfjax.check.clearance import prove_clearance
 from cfjax.check.containment import broken_containments
 from cfjax.check.decrease import Extreme, SteadyDecrease, level_bounds, level_pieces
@@ -31,15 +29,14 @@ from cfjax.check.document import (
     UnaryHint,
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
-from cfjax.check.piece import Piece, between
-from cfjax.check.polynomial import evaluate
+from cfjax.check.meaning import require_meaning
+from cfjax.check.piece import between
 from cfjax.check.program import CellProof
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, is_closed
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import TURN_RATE_SLOPE, TubeClaim, is_mirrored, place_of, require_tube_structure
-from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.check.tube import TubeClaim, is_mirrored, place_of, require_tube_structure
 
 
 MOST_EFFORT = 32 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
@@ -112,61 +109,6 @@ def links(course: Course) -> Iterator[tuple[int, int, Gap]]:
         yield index, index + 1, Gap(zero, zero, zero, abs(before.end_speed - after.speed[0]))
     if course.closed:
         yield len(course.segments) - 1, 0, course.reference.gap
-
-
-def follows_turning(dynamics: Symbolic) -> bool:
-    """Whether states of the reference that are no pose change with the turning rate: then the rates read its slope."""
-    return dynamics.depends_on(TURN_RATE_SLOPE)
-
-
-def broken_joint(dynamics: Symbolic, before: Piece, after: Piece) -> str:
-    """What of a path jumps between two pieces, and with it states of a vehicle's reference; nothing where none does.
-
-    Of a vehicle that the checker does not know the states that are no pose depend on speed and turning rate.
-    """
-    if before.end_speed != after.speed[0]:
-        return "speed"
-    turns = evaluate(before.turn_rate, before.duration) != after.turn_rate[0]
-    return "turning rate" if turns and follows_turning(dynamics) else ""
-
-
-def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -> bool:
-    """Whether at the end of a lap only the pose of a vehicle's reference jumps, by a gap that is known."""
-    return is_a_body(dynamics, states) and not broken_joint(dynamics, pieces[-1], pieces[0])
-
-
-def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
-    """That nothing is asked of a vehicle's states but what its dynamics say, where the checker knows nothing else.
-
-    What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfjax.check.body`).
-
-    Raises:
-        Broken: says what is asked.
-    """
-    course, vehicle = problem.course, problem.vehicle
-    if vehicle.name in KNOWN_VEHICLES:
-        return
-    if not problem.is_steady and not looks_at_one_angle(dynamics, vehicle.states):
-        raise Broken(
-            "vehicle: along a path whose speed or curvature changes, its reference has to look along the path or at "
-            "one angle to it; by the dynamics in the file it does not"
-        )
-    if isinstance(course, TubeClaim):
-        return
-    pieces = course.reference.pieces
-    if course.closed and not closes(dynamics, vehicle.states, pieces):
-        raise Broken("vehicle: laps are closed for bodies that look along the path, whose other states do not jump")
-    if problem.obstacles and not is_a_body(dynamics, vehicle.states):
-        raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
-    for one, other in pairwise(pieces):
-        if jumps := broken_joint(dynamics, one, other):
-            where = f"in segment {one.segment}"
-            if one.segment != other.segment:
-                where = f"chain, from segment {one.segment} to segment {other.segment}"
-            raise Broken(
-                f"{where}: the {jumps} jumps, and with it states of a vehicle that is none of "
-                f"{', '.join(KNOWN_VEHICLES)}"
-            )
 
 
 def _prove_links(course: Course, funnels: Sequence[FunnelClaim]) -> None:

@@ -14,15 +14,15 @@ from pathlib import Path
 
 from flint import fmpq
 
-from cfjax.check.body import is_a_body
 from cfjax.check.certified import LAW_SHARE
-from cfjax.check.chain import CHAIN, check_chain, read_chain
+from cfjax.check.chain import CHAIN, check_chain, read_chain, vehicle_of
 from cfjax.check.chain_robustness import prove_chain_robustness
 from cfjax.check.containment import half_widths
 from cfjax.check.decrease import contraction_way
 from cfjax.check.document import TEMPLATES, Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
 from cfjax.check.held_hints import read_chain_hints, read_hints
-from cfjax.check.proof import follows_turning, prove_funnels
+from cfjax.check.meaning import described
+from cfjax.check.proof import prove_funnels
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
@@ -30,7 +30,7 @@ from cfjax.check.report import Outcome, Report
 from cfjax.check.robustness import Robustness, prove_robustness
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim, place_of
-from cfjax.check.vehicle import KNOWN_VEHICLES, check_known_vehicle
+from cfjax.check.vehicle import check_known_vehicle
 
 
 CERTIFICATE_NAME, ROBUSTNESS_NAME = "certificate.json", "robustness.json"
@@ -99,7 +99,7 @@ def _of_funnels(document: dict, hints: object) -> tuple[tuple[str, ...], Robustn
 def _along_chain(document: dict, hints: object) -> tuple[tuple[str, ...], Robustness, str, str]:
     """The same along a path that tubes hold."""
     claim = read_chain(document, skip_hash=True)
-    states = KNOWN_VEHICLES[claim.vehicle].states
+    states = vehicle_of(claim)[0].states
     read = read_chain_hints(hints, str(document["hash"]), len(claim.tubes), len(states))
     proven, held = prove_chain_robustness(claim, read)
     told = "; ".join(
@@ -246,24 +246,14 @@ def _check_problem(problem: ProblemClaim) -> tuple[str, Symbolic]:
         raise Broken("inputs: the timing input needs 0 < lower <= 1 <= upper")
     if problem.method == "tt" and slowest != fastest:
         raise Broken("method: trajectory tracking (tt) has u0 = 1")
-    name, parameters = problem.vehicle.name, problem.vehicle.parameters
-    values = ", ".join(f"{label} {about(value)}" for label, value in parameters.items())
-    described = f'the vehicle "{name}" ({values})' if values else f'the vehicle "{name}"'
     dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
-    if check_known_vehicle(name, parameters, problem.vehicle.states, problem.inputs, dynamics):
-        return described, dynamics
-    unknown = f"{described}, a name unknown to this checker: its dynamics are those of the graph in the file,"
+    check_known_vehicle(
+        problem.vehicle.name, problem.vehicle.parameters, problem.vehicle.states, problem.inputs, dynamics
+    )
     course = problem.course
     is_lap = isinstance(course, Course) and course.closed
-    if problem.is_steady and not is_lap and not problem.obstacles:
-        return unknown, dynamics
-    on = "speed and turning rate" if follows_turning(dynamics) else "speed"
-    looks = (
-        "which are those of a body whose reference looks along the path"
-        if is_a_body(dynamics, problem.vehicle.states)
-        else "its reference looks along the path, or at one angle to it all along"
-    )
-    return f"{unknown} {looks}, and what else it has of states depends on the path's {on} alone,", dynamics
+    rests = problem.is_steady and not is_lap and not problem.obstacles
+    return described(problem.vehicle, dynamics, rests), dynamics
 
 
 def _path(problem: ProblemClaim, course: Course | TubeClaim) -> str:

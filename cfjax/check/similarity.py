@@ -19,10 +19,14 @@ def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
     """The tube of the similar car: lengths multiplied by `length`, speeds by `speed`.
 
     Raises:
-        ValueError: for scales that are not positive.
+        ValueError: for scales that are not positive, or a vehicle of which no similar one is known.
     """
     if not (length > 0 and speed > 0):
         raise ValueError("similarity: expected positive scales of length and speed")
+    if length == speed == 1:
+        return tube
+    if tube.vehicle not in KNOWN_VEHICLES:
+        raise ValueError(f"similarity: expected scales of 1 for a vehicle that is none of {', '.join(KNOWN_VEHICLES)}")
     acceleration = speed**2 / length
     known = KNOWN_VEHICLES[tube.vehicle]
     axes, units = known.axes(length, speed), known.units(length, speed)
@@ -47,7 +51,9 @@ def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
 
 def served(tube: CertifiedTube, own: Mapping[str, fmpq]) -> CertifiedTube | None:
     """The tube for a car of the same kind with these parameters; None unless that can do what the proven one can."""
-    known = KNOWN_VEHICLES[tube.vehicle]
+    known = KNOWN_VEHICLES.get(tube.vehicle)
+    if known is None:
+        return tube if dict(own) == dict(tube.parameters) else None
     if not known.covers(own, tube.parameters):
         return None
     limits = {name: own[parameter] for name, parameter in known.limits.items()}

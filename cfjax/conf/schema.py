@@ -133,8 +133,6 @@ class WaypointsConfig(PathConfig):
     smoothing: float = 0.0  # m
 
     def build(self, vehicle: Vehicle) -> Path:
-        if not isinstance(vehicle, KinematicBicycle):
-            raise InputError("path.kind: expected vehicle.kind=bicycle, for whose steering the speed is made")
         try:
             path = waypoints(
                 self.file,

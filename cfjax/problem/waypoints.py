@@ -26,7 +26,7 @@ from scipy.ndimage import minimum_filter1d
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve, path_along
 from cfjax.problem.path import Path, Profile, Segment, _positive
-from cfjax.problem.vehicle import KinematicBicycle
+from cfjax.problem.vehicle import KinematicBicycle, Vehicle
 
 
 SPEED = 2.0  # m/s, where neither the file nor the caller says
@@ -63,7 +63,7 @@ def waypoints(
     lateral_acceleration: float = 4.0,
     acceleration: float | None = 1.0,
     reserve: float = 0.2,
-    vehicle: KinematicBicycle = KinematicBicycle(),
+    vehicle: Vehicle = KinematicBicycle(),
     segment_length: float = SEGMENT_LENGTH,
     smoothing: float = 0.0,
 ) -> Path:
@@ -80,6 +80,8 @@ def waypoints(
         acceleration: largest |dv/dt|, m/s², beside what thrust allows; None: thrust alone. The package's tubes hold 1
             m/s² at all speeds and 2 m/s² from 3 m/s on.
         reserve: the part of steering and of thrust that is left to feedback, in [0, 1).
+        vehicle: what drives; of one of your own nothing is known here but `lateral_acceleration` and `acceleration`,
+            and `Problem` says where its inputs do not do it.
         segment_length: m; the path is cut into segments of equal length, as near to this as can be.
         smoothing: root of the mean square distance, m, by which the curve may pass the points; 0: through them.
 
@@ -97,9 +99,13 @@ def waypoints(
     source = File(file)
     rows, closed = _distinct(source, _read(source), closed)
     curve, knots = _curve(source, rows, closed, smoothing)
-    largest = (1 - reserve) * vehicle.max_tan_steering / vehicle.wheelbase
-    _check_bends(source, curve, largest, reserve)
-    thrust = (1 - reserve) * vehicle.max_thrust
+    bend, thrust = math.inf, math.inf
+    if isinstance(vehicle, KinematicBicycle):
+        bend = (1 - reserve) * vehicle.max_tan_steering / vehicle.wheelbase
+        thrust = (1 - reserve) * vehicle.max_thrust
+    elif acceleration is None:
+        raise InputError(f"path.acceleration: expected a number, as the thrust of a {vehicle.name} is not known")
+    _check_bends(source, curve, bend, reserve)
     if acceleration is not None:
         thrust = min(thrust, acceleration)
     cap = _cap(rows, curve, knots, closed, speed)
@@ -319,11 +325,16 @@ def _check_bends(file: File, curve: Curve, largest: float, reserve: float) -> No
     turns = np.abs(np.angle(first[1:] * np.conj(first[:-1])))
     kappa[:-1][turns > SHARPEST] = math.inf
     worst = int(kappa.argmax())
-    if kappa[worst] <= largest:
+    if kappa[worst] <= largest and math.isfinite(kappa[worst]):
         return
     place = curve.position(u)
     arc = float(np.abs(np.diff(place[: worst + 1])).sum())
     bend = f"a radius of {1 / kappa[worst]:.4g} m" if math.isfinite(kappa[worst]) else "a cusp"
+    if math.isinf(largest):
+        raise InputError(
+            f"{file}: after {arc:.4g} m, at {_at(place[worst])}, the path through the points turns back on itself; "
+            "expected points of a smooth curve"
+        )
     raise InputError(
         f"{file}: after {arc:.4g} m, at {_at(place[worst])}, the path through the points has a curvature of "
         f"{kappa[worst]:.4g} 1/m ({bend}); expected at most {largest:.4g} 1/m, which the steering allows with a "

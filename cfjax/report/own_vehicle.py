@@ -30,9 +30,11 @@ def named_vehicle(folder: Path, config: Config, target: str | None) -> Vehicle |
 
 
 def speaks_of(document: dict[str, Any], vehicle: Vehicle) -> bool:
-    """Whether a certificate's vehicle, with its dynamics, is this one."""
-    told = document.get("problem")
-    return isinstance(told, dict) and told.get("vehicle") == write_vehicle(vehicle, trace_deviation(vehicle))
+    """Whether a certificate's vehicle, with its dynamics, is this one; of a path in tubes that of every tube."""
+    wanted = write_vehicle(vehicle, trace_deviation(vehicle))
+    tubes = [entry.get("certificate") for entry in document.get("tubes", ())]
+    told = [certificate.get("problem", {}) for certificate in tubes or [document]]
+    return all(problem.get("vehicle") == wanted for problem in told)
 
 
 def is_proven_of(folder: Path, problem: Problem) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cfjax.check.chain import tube_of
 from cfjax.errors import InputError
-from cfjax.problem import KinematicBicycle, Path, Pose, Profile, Segment, Tube, waypoints
+from cfjax.problem import Path, Pose, Profile, Segment, Tube, Vehicle, waypoints
 from cfjax.result import Result
 from cfjax.tubes import follow
 
@@ -15,6 +15,7 @@ from cfjax.tubes import follow
 LOBES, TURN = 6, 0.8  # of the winding path; rad that each of them turns
 STRAIGHT = 10.0  # s, where the tube turns nowhere
 SHARE = 0.98  # of the tube's curvatures: the ends themselves are lost to rounding
+STILL = 1.0  # m/s²: at one speed of a tube without acceleration any number will do
 BENDS = 1.01  # of the largest v² κ within the tube: no reason to slow down
 
 
@@ -66,15 +67,14 @@ def _steady(turn_rate: float, speed: float, duration: float) -> Path:
     return Path("winding", (Segment(turning, moving, Pose(-np.pi / 2, 0.0, 0.0)),))
 
 
-def _through(tube: Tube, file: File, vehicle: object) -> Path:
+def _through(tube: Tube, file: File, vehicle: Vehicle) -> Path:
     """The points of a file, as fast as the tube allows."""
-    assert isinstance(vehicle, KinematicBicycle)  # there are certificates of no other tubes
     bend = max(map(abs, (tube.curvature.lower, tube.curvature.upper)))
     return waypoints(
         file,
         speed=tube.speed.upper,
         lateral_acceleration=max(BENDS * bend * tube.speed.upper**2, 1.0),
-        acceleration=tube.acceleration.upper or None,
+        acceleration=tube.acceleration.upper or STILL,
         reserve=0.0,
         vehicle=vehicle,
     )

@@ -32,6 +32,7 @@ from cfjax.verdict import Verdict
 
 INNER_LEVEL = 0.1  # to which a learned tube contracts, or further where G asks for it
 LEAST_INNER_LEVEL = 0.01
+REACHED = 0.5  # of the level that lies in G: what is left lets inputs be held
 ROOM = 0.999  # of the widest tube whose inner level lies in G
 MOST_HEADING = 3.1  # rad: a tube stays short of where the heading wraps
 
@@ -72,7 +73,7 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     except InputError as error:  # G is too small beside I for what a tube contracts to, or the bounds ask too much
         message = f"no tube for the path's bounds leads from I to G ({error})"
         return Result(Verdict.INCONCLUSIVE, message, problem)
-    made = learn(asked, inner)
+    made = learn(asked, REACHED * inner)
     problem = replace(problem, inlet=made.problem.inlet)  # which an objective may have enlarged
     if made.verdict is not Verdict.CERTIFIED or made.document is None:
         return made.replace(

@@ -2,8 +2,8 @@
 
 from flint import fmpq
 
+from cfjax.certificate.writing import exact_parameters
 from cfjax.check.certified import CertifiedTube
-from cfjax.check.rational import rational
 from cfjax.check.similarity import scaled, served
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.errors import InputError
@@ -14,14 +14,15 @@ BITS = 24  # of the speed scale: a square root, rounded down
 
 
 def parameters_of(vehicle: Vehicle) -> dict[str, fmpq]:
-    """The vehicle's parameters in exact numbers, of those that the checker knows by name.
+    """The vehicle's parameters in exact numbers, as a certificate has them.
 
     Raises:
-        InputError: for a vehicle that it does not know: its tubes cannot be told from another's.
+        InputError: for a vehicle that the checker knows by name, but that may be another one: its tubes cannot be told
+            from that one's.
     """
-    if type(vehicle) is not KinematicBicycle:  # a subclass has the name, and may have other dynamics
+    if type(vehicle) is not KinematicBicycle and vehicle.name in KNOWN_VEHICLES:
         raise InputError(f"vehicle: expected a KinematicBicycle to look for its tubes, got {type(vehicle).__name__}")
-    return {name: rational(float(getattr(vehicle, name))) for name in KNOWN_VEHICLES[vehicle.name].parameters}
+    return exact_parameters(vehicle)
 
 
 def for_vehicle(tube: CertifiedTube, vehicle: Vehicle) -> CertifiedTube | None:

@@ -8,7 +8,7 @@ import pytest
 from cfjax.certificate.trace import trace_deviation
 from cfjax.check.body import is_a_body, looks_at_one_angle
 from cfjax.check.graph import Graph, Node
-from cfjax.check.proof import closes
+from cfjax.check.meaning import closes
 from cfjax.check.symbolic import symbolic
 from cfjax.exact import exact_course
 from cfjax.problem import KinematicBicycle, Vehicle, circle

@@ -17,7 +17,7 @@ from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_problem, write_witness
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash, read_problem
-from cfjax.check.proof import require_meaning
+from cfjax.check.meaning import require_meaning
 from cfjax.check.rational import rational
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import symbolic

@@ -166,14 +166,16 @@ def test_tubes_of_two_vehicles_are_no_chain() -> None:
         follow(curved([1.0, 0.0], [4.0, 40.0]), [WIDE, foreign])
 
 
-def test_a_tube_of_an_unknown_vehicle_is_refused(tmp_path: pathlib.Path) -> None:
-    """Its certificate is right for the dynamics in the file, and nobody knows which of its states is what."""
+def test_a_tube_of_an_unknown_vehicle_is_no_other_one_s(tmp_path: pathlib.Path) -> None:
     document = read_json(library_files()[0])
     document["problem"]["vehicle"]["name"] = "another"
     document["hash"] = document_hash(document)
     (tmp_path / "another.json").write_text(json.dumps(document))
-    with pytest.raises(InputError, match="expected a vehicle out of kinematic_bicycle, got another"):
-        read_tube(tmp_path / "another.json")
+    tube, path = read_tube(tmp_path / "another.json"), circle(radius=1.0, speed=1.0)
+    assert tube.vehicle == "another"
+    assert follow(path, [tube]).start is tube
+    with pytest.raises(InputError, match="is certified for another vehicle than the one given"):
+        follow(path, [tube], vehicle=KinematicBicycle())
 
 
 class Drifting(KinematicBicycle):

@@ -1,0 +1,102 @@
+"""What may be asked of a vehicle that the checker does not know, and in which words it is told.
+
+The checker knows some vehicles by name (`cfjax.check.vehicle`). Of any other one it knows the dynamics that stand in
+the file, and no more than these is proven: what a pose is, and that a reference's states do not jump where the path's
+curvature does, has to follow from them, or is said to be taken for granted.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from cfjax.check.body import is_a_body, looks_at_one_angle
+from cfjax.check.document import Course, ProblemClaim, VehicleClaim
+from cfjax.check.piece import Piece
+from cfjax.check.polynomial import evaluate
+from cfjax.check.rational import about
+from cfjax.check.reader import Broken
+from cfjax.check.symbolic import Symbolic
+from cfjax.check.tube import TURN_RATE_SLOPE
+from cfjax.check.vehicle import KNOWN_VEHICLES
+
+
+def follows_turning(dynamics: Symbolic) -> bool:
+    """Whether states of the reference that are no pose change with the turning rate: then the rates read its slope."""
+    return dynamics.depends_on(TURN_RATE_SLOPE)
+
+
+def broken_joint(dynamics: Symbolic, before: Piece, after: Piece) -> str:
+    """What of a path jumps between two pieces, and with it states of a vehicle's reference; nothing where none does.
+
+    Of a vehicle that the checker does not know the states that are no pose depend on speed and turning rate.
+    """
+    if before.end_speed != after.speed[0]:
+        return "speed"
+    turns = evaluate(before.turn_rate, before.duration) != after.turn_rate[0]
+    return "turning rate" if turns and follows_turning(dynamics) else ""
+
+
+def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -> bool:
+    """Whether at the end of a lap only the pose of a vehicle's reference jumps, by a gap that is known."""
+    return is_a_body(dynamics, states) and not broken_joint(dynamics, pieces[-1], pieces[0])
+
+
+def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
+    """That nothing is asked of a vehicle's states but what its dynamics say, where the checker knows nothing else.
+
+    What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfjax.check.body`).
+
+    Raises:
+        Broken: says what is asked.
+    """
+    course, vehicle = problem.course, problem.vehicle
+    if vehicle.name in KNOWN_VEHICLES:
+        return
+    if not problem.is_steady and not looks_at_one_angle(dynamics, vehicle.states):
+        raise Broken(
+            "vehicle: along a path whose speed or curvature changes, its reference has to look along the path or at "
+            "one angle to it; by the dynamics in the file it does not"
+        )
+    if not isinstance(course, Course):
+        return
+    pieces = course.reference.pieces
+    if course.closed:
+        require_lap(vehicle, dynamics, pieces)
+    if problem.obstacles and not is_a_body(dynamics, vehicle.states):
+        raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
+    for one, other in pairwise(pieces):
+        if jumps := broken_joint(dynamics, one, other):
+            where = f"in segment {one.segment}"
+            if one.segment != other.segment:
+                where = f"chain, from segment {one.segment} to segment {other.segment}"
+            raise Broken(
+                f"{where}: the {jumps} jumps, and with it states of a vehicle that is none of "
+                f"{', '.join(KNOWN_VEHICLES)}"
+            )
+
+
+def require_lap(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Piece]) -> None:
+    """That the end of a lap is its start for the vehicle's states as well.
+
+    Raises:
+        Broken: of an unknown vehicle it is not known.
+    """
+    if vehicle.name not in KNOWN_VEHICLES and not closes(dynamics, vehicle.states, pieces):
+        raise Broken("vehicle: laps are closed for bodies that look along the path, whose other states do not jump")
+
+
+def described(vehicle: VehicleClaim, dynamics: Symbolic, at_rest: bool = False) -> str:
+    """The vehicle in words; of an unknown one what is taken for granted, unless its reference is one at rest."""
+    values = ", ".join(f"{label} {about(value)}" for label, value in vehicle.parameters.items())
+    named = f'the vehicle "{vehicle.name}" ({values})' if values else f'the vehicle "{vehicle.name}"'
+    if vehicle.name in KNOWN_VEHICLES:
+        return named
+    unknown = f"{named}, a name unknown to this checker: its dynamics are those of the graph in the file,"
+    if at_rest:
+        return unknown
+    on = "speed and turning rate" if follows_turning(dynamics) else "speed"
+    looks = (
+        "which are those of a body whose reference looks along the path"
+        if is_a_body(dynamics, vehicle.states)
+        else "its reference looks along the path, or at one angle to it all along"
+    )
+    return f"{unknown} {looks}, and what else it has of states depends on the path's {on} alone,"
