@@ -99,6 +99,7 @@ SPOILED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "level too low": (lambda d: d["levels"].__setitem__(0, "1/100"), "does not hand over"),
     "level too high": (lambda d: d["levels"].__setitem__(0, "2"), "does not hand over"),
     "level missing": (lambda d: d["levels"].pop(), "expected 1 levels"),
+    "another vehicle": (lambda d: d["vehicle"].update(name="hovercraft"), "tube 0: it is proven for another vehicle"),
     "weaker car": (lambda d: d["vehicle"]["parameters"].update(max_thrust="3"), "can do what this one cannot"),
     "longer car": (lambda d: d["vehicle"]["parameters"].update(wheelbase="7/20"), "can do what this one cannot"),
     "stretched tube": (lambda d: d["tubes"][0].update(length="2"), "leaves tube 0"),
@@ -123,6 +124,77 @@ def test_stretched_claims_are_broken(document: dict[str, Any], name: str) -> Non
     assert "\n" not in report.message
 
 
+# --- a vehicle that the checker does not know
+
+
+def named_otherwise(document: dict[str, Any]) -> None:
+    """The same dynamics under another name, of the path and of its tubes."""
+    document["vehicle"]["name"] = "another"
+    for entry in document["tubes"]:
+        entry["certificate"]["problem"]["vehicle"]["name"] = "another"
+
+
+def a_second_tube(document: dict[str, Any]) -> dict[str, Any]:
+    """A copy of the first one, in which the last piece is; returned for its certificate to be changed."""
+    copied = json.loads(json.dumps(document["tubes"][0]))
+    document["tubes"].append(copied)
+    last = len(document["path"]["pieces"])
+    document["runs"] = [{"end": last - 1, "tube": 0}, {"end": last, "tube": 1}]
+    return copied["certificate"]["problem"]
+
+
+def another_constant(document: dict[str, Any]) -> None:
+    """One of the constants in the second tube's dynamics."""
+    nodes = a_second_tube(document)["vehicle"]["dynamics"]["nodes"]
+    next(node for node in nodes if node[0] == "constant")[1] = "7/2"
+
+
+def other_limits(document: dict[str, Any]) -> None:
+    a_second_tube(document)["inputs"][1]["upper"] = "9/10"
+
+
+OTHERWISE: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
+    "longer": (lambda d: d["tubes"][0].update(length="11/10"), "expected scales of 1"),
+    "faster": (lambda d: d["tubes"][0].update(speed="11/10"), "expected scales of 1"),
+    "parameters": (lambda d: d["vehicle"]["parameters"].update(wheelbase="1/3"), "can do what this one cannot"),
+    "dynamics": (another_constant, "tube 1: it is proven for another vehicle"),
+    "limits": (other_limits, "tube 1: it is proven for another vehicle"),
+    "name": (lambda d: d["vehicle"].update(name="kinematic_bicycle"), "tube 0: it is proven for another vehicle"),
+    "sets": (
+        lambda d: d.update(sets={"inlet": ["1/100"] * 3, "goal": ["1"] * 4, "safe": None}),
+        "expected 4 numbers each",
+    ),
+}
+
+
+def test_a_path_of_an_unknown_vehicle_is_one_of_what_its_graph_shows(document: dict[str, Any]) -> None:
+    named_otherwise(document)
+    for entry in document["tubes"]:
+        entry["certificate"] = renewed(entry["certificate"])
+    report = check_document(renewed(document))
+    assert report.outcome is Outcome.PROVEN, report.message
+    assert "a name unknown to this checker" in report.message and "depends on the path's speed alone" in report.message
+    vehicle = document["tubes"][0]["certificate"]["problem"]["vehicle"]
+    nodes, outputs = vehicle["dynamics"]["nodes"], vehicle["dynamics"]["outputs"]
+    nodes += [["input", "x"], ["add", outputs[0], len(nodes)]]  # what turns by where it is, is no body
+    outputs[0] = len(nodes) - 1
+    report = check_document(renewed(document))
+    assert report.outcome is Outcome.BROKEN
+    assert "laps are closed for bodies" in report.message
+
+
+@pytest.mark.parametrize("name", OTHERWISE)
+def test_nothing_is_taken_for_an_unknown_vehicle_s(document: dict[str, Any], name: str) -> None:
+    spoil, words = OTHERWISE[name]
+    named_otherwise(document)
+    spoil(document)
+    for entry in document["tubes"]:
+        entry["certificate"] = renewed(entry["certificate"])
+    report = check_document(renewed(document))
+    assert report.outcome is Outcome.BROKEN, report.message
+    assert words in report.message
+
+
 def test_the_hash_is_looked_at(document: dict[str, Any]) -> None:
     document["path"]["name"] = "another"
     assert check_document(document).message.startswith("hash:")
@@ -135,7 +207,6 @@ UNREADABLE: dict[str, Callable[[dict[str, Any]], object]] = {
     "unknown tube": lambda d: d["runs"][0].update(tube=1),
     "run backwards": lambda d: d["runs"].append({"end": 3, "tube": 0}),
     "version": lambda d: d.update(version=1),
-    "vehicle": lambda d: d["vehicle"].update(name="hovercraft"),
     "parameter": lambda d: d["vehicle"]["parameters"].pop("wheelbase"),
     "closed": lambda d: d["path"].update(closed=1),
     "segments": lambda d: d["path"]["pieces"][0].update(segment=1),

@@ -79,6 +79,27 @@ def test_a_unicycle_is_certified_checked_driven_and_exported(
         read_run(folder, f"{module}_b.Unicycle")
 
 
+def test_a_unicycle_drives_along_points_in_a_tube(train: Callable[..., int], tmp_path: Path, module: str) -> None:
+    """Checked, driven and exported as the car of the package is; its inputs may be held as long as is proven."""
+    points = np.stack([np.linspace(0, 6, 13), 0.3 * np.sin(np.linspace(0, 3, 13))], axis=1)
+    np.savetxt(tmp_path / "points.csv", points, delimiter=",", header="x,y")
+    own = ("vehicle=custom", f"vehicle.target={module}.Unicycle", "path.file=points.csv", "path.speed=1.0")
+    small = ("cars=20", "restarts=1", "rounds=1", "certificate=tube", "hydra.run.dir=here")
+    assert train("+path=waypoints", "sets.inlet=0.3", "sets.goal=0.6", *own, *small) == 0
+    folder = tmp_path / "here"
+    result = json.loads((folder / "result.json").read_text())
+    assert result["verdict"] == "certified" and result["robustness"]["period"] > 2e-4
+    assert result["closed_loop"]["missed_goal"] == result["closed_loop"]["left_funnel"] == 0
+    report = check_file(folder)
+    assert report.outcome is Outcome.PROVEN and report.robustness is not None
+    assert 'the vehicle "unicycle"' in report.message and "a name unknown to this checker" in report.message
+
+    target = f"{module}.Unicycle"
+    assert export.main([str(folder), "--vehicle", target]) == 0
+    with pytest.raises(InputError, match="expected"):
+        read_run(folder, "experiments.vehicles.steered_car.SteeredCar")
+
+
 def test_a_folder_loads_no_code(train: Callable[..., int], quick: None, tmp_path: Path, module: str) -> None:
     own = ("vehicle=custom", f"vehicle.target={module}.Unicycle")
     assert train("+path=circle", *own, "hydra.run.dir=here") == 1

@@ -171,7 +171,7 @@ def test_a_tube_of_an_unknown_vehicle_is_no_other_one_s(tmp_path: pathlib.Path) 
     document["problem"]["vehicle"]["name"] = "another"
     document["hash"] = document_hash(document)
     (tmp_path / "another.json").write_text(json.dumps(document))
-    tube, path = read_tube(tmp_path / "another.json"), circle(radius=1.0, speed=1.0)
+    tube, path = read_tube(tmp_path / "another.json"), circle(radius=2.0, speed=3.5)
     assert tube.vehicle == "another"
     assert follow(path, [tube]).start is tube
     with pytest.raises(InputError, match="is certified for another vehicle than the one given"):
