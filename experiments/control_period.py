@@ -9,7 +9,8 @@ time. A shell that begins further inside leaves room for what V rises before the
 learned and certified; beside the proven period stands the shortest one in which an adversary, who picks the state and
 any input that a law may take, left the funnel (found, not proven). The folder gets `table.csv` and `period.png`.
 With --tubes the lines are tubes, and the adversary also picks the path. With --paths they are paths that tubes hold, by
-a law that asks for all curvatures of the path at once, without adversary. Neither has a picture.
+a law that asks for all curvatures of the path at once; the adversary goes through them in any order. Neither has a
+picture.
 """
 
 import argparse
@@ -41,7 +42,7 @@ from cfjax.verdict import Verdict
 
 COLUMNS = ("authority", "beta_lower", "margin", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
 TUBE_COLUMNS = ("speeds", "curvature", "acceleration", "inlet", "goal", *COLUMNS[1:])
-PATH_COLUMNS = ("path", "tubes", "per_metre", "period_ms", "delay_ms", "disturbance_x", "disturbance_v")
+PATH_COLUMNS = ("path", "tubes", "per_metre", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
 PROVEN = ("per_metre", "margin", "period_ms", "delay_ms", "disturbance_x", "disturbance_v")
 HORIZON = 8.0  # periods that the adversary looks ahead
 
@@ -140,11 +141,24 @@ def in_tubes(name: str) -> dict[str, Any]:
     if proven is None:
         return nothing
     alone = proven.alone
+    escapes = [
+        first_escape(
+            result.problem,
+            found.along,
+            found.funnel,
+            LAW_SHARE * (found.margin_certified or 0.0),
+            HORIZON * float(alone.period),
+            decrease_per_metre=LAW_SHARE * (found.margin_per_metre or 0.0),
+        )
+        for found in result.segments
+        if found.along
+    ]
     return {
         "path": name,
         "tubes": str(len(result.document["tubes"])),
         "per_metre": min(found.margin_per_metre or 0.0 for found in result.segments),
         "period_ms": 1e3 * float(alone.period),
+        "escape_ms": 1e3 * min(escapes),
         "delay_ms": 1e3 * float(alone.delay),
         "disturbance_x": float(alone.disturbance[1]),
         "disturbance_v": float(alone.disturbance[3]),

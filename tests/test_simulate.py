@@ -103,10 +103,10 @@ def test_a_missing_extra_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_a_tube_is_driven_along_a_path_and_says_nothing_of_periods(
+def test_a_tube_is_driven_along_a_path_by_a_law_that_has_its_period(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hand_made, given: bool
 ) -> None:
-    """Through the points of a file or along one of its own; the law that drives is told the curvature."""
+    """Through the points of a file or along one of its own; the law asks for all that the tube holds."""
     bounds = tube(1.2, Interval(0.5, 4.0), 1.0)
     document = json.loads(lzma.decompress((resources.files("cfjax.tubes") / "library" / LIBRARY).read_bytes()))
     nothing = Absorbed(0.001, (0.1,) * 4, (0.1,) * 4, 0.001)
@@ -122,7 +122,10 @@ def test_a_tube_is_driven_along_a_path_and_says_nothing_of_periods(
         experiment.Question(tmp_path, path=points if given else None, starts=str(starts), n=2, period=0.01)
     )
     np.testing.assert_array_equal(asked.starts, [[-1.6, 0, 0, 2], [-1.5, 0.1, 0, 2]])
-    assert asked.result.robustness is None and asked.theta is None
+    assert asked.theta is None
+    assert asked.result.robustness == run.robustness
+    (leg,) = asked.result.legs
+    assert leg.along == bounds.tube
     if given:
         ends = asked.problem.path.curve[-1]
         np.testing.assert_allclose(

@@ -49,7 +49,8 @@ class HeldTube:
     bounds: TubeClaim  # of the path along its runs
     margin: fmpq  # λ and μ as they are told, 1/s and 1/m
     margin_per_metre: fmpq
-    shell: fmpq  # β̲ as it is told
+    shell: fmpq  # β̲ and β_in as they are told
+    inner: fmpq
     fastest: fmpq  # u0_hi of the whole path
     bands: tuple[Range, ...]  # speeds, m/s
     rates: tuple[Rates, ...]  # of each band
@@ -88,9 +89,9 @@ class HeldTube:
                 break
             fallen = min(level - floor, fall * way)
             level, way = level - fallen, way - fallen / fall
-            if inner == self.tube.beta_inner:
+            if inner == self.inner:
                 break
-            inner = max(inner * STEP, self.tube.beta_inner)
+            inner = max(inner * STEP, self.inner)
         return level
 
 
@@ -196,7 +197,7 @@ def _held(
 ) -> HeldTube:
     """Bounds over a tube, proven in the units of its certificate."""
     length, speed = scale
-    shell = rational(decimal_text(tube.beta_lower, ROUND_CEILING))
+    shell, inner = (rational(decimal_text(level, ROUND_CEILING)) for level in (tube.beta_lower, tube.beta_inner))
     bands = bands_of(question.along, hints.bands)
     rates = [
         tube_rates(
@@ -213,6 +214,7 @@ def _held(
         margin=margin,
         margin_per_metre=per_metre,
         shell=shell,
+        inner=inner,
         fastest=timing[1],
         bands=tuple((low * speed, high * speed) for low, high in bands),
         rates=tuple(one.in_units(axes, speed / length) for one in rates),

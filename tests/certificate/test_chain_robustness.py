@@ -115,6 +115,7 @@ def by_hand(**changes: Any) -> HeldTube:
         "margin": fmpq(1),
         "margin_per_metre": fmpq(1),
         "shell": fmpq(9, 10),
+        "inner": fmpq(1, 10),
         "fastest": fmpq(1),
         "bands": ((fmpq(1), fmpq(3, 2)), (fmpq(3, 2), fmpq(2))),
         "rates": (rates, replace(rates, bend=fmpq(600), decrease=SHARE * fmpq(3, 2))),
