@@ -16,6 +16,7 @@ picture.
 import argparse
 import csv
 import itertools
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -112,6 +113,8 @@ def shown(name: str, value: float | str) -> str:
     """Three digits; what is proven is rounded down."""
     if isinstance(value, str):
         return value
+    if value == math.inf:  # the adversary has not got out as far as it looked
+        return f"> {HORIZON:g} periods"
     return rounded_down(value, 3) if name in PROVEN else f"{value:.3g}"
 
 

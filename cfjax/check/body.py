@@ -41,6 +41,19 @@ def looks_at_one_angle(dynamics: Symbolic, states: Sequence[str]) -> bool:
     return is_as_fast and not any(_holds(rate, of_timing) for rate in (turn, *left))
 
 
+def turns_by_timing_alone(dynamics: Symbolic) -> bool:
+    """Whether ω stands nowhere but in ω u0 g(x), g of states alone."""
+    turning, timing = dynamics.names.index(TURN_RATE), dynamics.names.index(TIMING)
+    others = _depending(dynamics, {name for name in dynamics.names if ":" in name})
+    if any(_holds(argument, {turning}) for _, argument in dynamics.functions.values()):
+        return False
+    with_it = (powers for rate in dynamics.rates for powers in rate.to_dict() if int(powers[turning]))
+    return all(
+        {index: int(powers[index]) for index in others if int(powers[index])} == {turning: 1, timing: 1}
+        for powers in with_it
+    )
+
+
 def is_a_body(dynamics: Symbolic, states: Sequence[str]) -> bool:
     """Whether the rates have the form above, exactly."""
     beside = _beside_the_turning(dynamics, states)

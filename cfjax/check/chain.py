@@ -29,7 +29,7 @@ from cfjax.check.document import (
     read_reference,
 )
 from cfjax.check.handover import ProvenLink, Run, prove_chain
-from cfjax.check.meaning import described, require_lap
+from cfjax.check.meaning import described, require_path
 from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import Reference, is_closed
@@ -37,7 +37,7 @@ from cfjax.check.report import Outcome, Report
 from cfjax.check.similarity import scaled, served
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim
-from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.check.vehicle import KNOWN_VEHICLES, POSE
 
 
 CHAIN = "chain"
@@ -105,7 +105,7 @@ def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], 
     runs, links = prove_runs(claim)
     last = runs[-1]
     pieces = claim.reference.pieces
-    finish = last.tube.level_after(claim.reference.length - pieces[last.begin].arc)
+    finish = last.tube.level_after(last.length(claim.reference))
     if claim.sets:
         _check_sets(claim.sets, runs, finish)
     for index, (certificate, *_) in enumerate(claim.tubes):  # what takes longest comes last
@@ -159,8 +159,7 @@ def prove_runs(claim: ChainClaim) -> tuple[list[Run], tuple[ProvenLink, ...]]:
         if own is None:
             raise Broken(f"tube {index}: its vehicle can do what this one cannot")
         tubes.append(own)
-    if claim.closed:
-        require_lap(*vehicle_of(claim), claim.reference.pieces)
+    require_path(*vehicle_of(claim), claim.reference.pieces, claim.closed)
     runs = [Run(begin, end, tubes[index]) for begin, end, index in claim.runs]
     links = prove_chain(claim.reference, runs, claim.levels, claim.closed)  # bounds first: a wild path has no gap
     if claim.closed and not is_closed(claim.reference.gap):
@@ -183,6 +182,8 @@ def _is_alike(claim: ChainClaim, certificate: object) -> bool:
     (one, _), (other, _) = read_claims(claim.tubes[0][0]), read_claims(certificate)
     if known := KNOWN_VEHICLES.get(claim.vehicle):
         return other.vehicle.states == known.states
+    if other.vehicle.states[: len(POSE)] != POSE:
+        return False  # of what has no pose a path says nothing
     limits = [{name: ends for name, ends in problem.inputs.items() if name != "u0"} for problem in (one, other)]
     return one.vehicle == other.vehicle and limits[0] == limits[1]
 

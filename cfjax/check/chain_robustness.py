@@ -30,7 +30,7 @@ from cfjax.check.enclosure import Budget
 from cfjax.check.handover import Run
 from cfjax.check.held_hints import TubeHints
 from cfjax.check.proof import MOST_EFFORT
-from cfjax.check.rational import decimal_text, rational, sqrt_upper
+from cfjax.check.rational import decimal_text, dyadic, rational, sqrt_lower
 from cfjax.check.reader import Broken
 from cfjax.check.robustness import SHARE, Absorbed, Rates, Robustness, absorbed, bands_of, least_level, tube_rates
 from cfjax.check.symbolic import Symbolic, symbolic
@@ -67,31 +67,46 @@ class HeldTube:
         """V at most where this tube takes over."""
         return 1 - self.blurred(amounts) - self.risen(amounts)
 
-    def fall(self, amounts: Absorbed, share: fmpq) -> fmpq:
-        """By how much V falls in a metre at least, where the law asks for this share of the decrease; 1/m."""
-        steepest = max(map(abs, self.bounds.acceleration))
+    def descent(self, amounts: Absorbed) -> "Descent":
+        """How V comes down in this tube under the amounts."""
         late = amounts.period + amounts.delay
-        falls = []
-        for (slowest, _), rates in zip(self.bands, self.rates, strict=True):
-            kept = SHARE * self.margin_per_metre * share - rates.spent(amounts) / slowest
-            metres = self.fastest * (1 + steepest * self.fastest * late / slowest)
-            falls.append(kept / metres)
-        return min(falls)
-
-    def end_level(self, way: fmpq, amounts: Absorbed) -> fmpq:
-        """A level that V is at most after a run of so many metres, where it is kept below 1 − ω."""
         blurred, risen = self.blurred(amounts), self.risen(amounts)
-        way -= self.bounds.speed[1] * self.fastest * (amounts.period + amounts.delay)
-        level, inner = 1 - blurred, self.shell
+        steepest = max(map(abs, self.bounds.acceleration))
+        # by band: what a metre costs, and over how many metres it is counted
+        costs = []
+        for (slowest, _), rates in zip(self.bands, self.rates, strict=True):
+            metres = self.fastest * (1 + steepest * self.fastest * late / slowest)
+            costs.append((rates.spent(amounts) / slowest, metres))
+        steps, level = [], self.shell
         for _ in range(FLOORS):
-            fall, floor = self.fall(amounts, inner / self.shell), inner + blurred + risen
+            asked = SHARE * self.margin_per_metre * level / self.shell
+            fall = min((asked - spent) / metres for spent, metres in costs)
+            steps.append((dyadic(fall, up=False), dyadic(level + blurred + risen, up=True)))
+            if level == self.inner or fall <= 0:
+                break
+            level = max(dyadic(level * STEP, up=True), self.inner)
+        lost = self.bounds.speed[1] * self.fastest * late
+        return Descent(dyadic(1 - blurred, up=True), dyadic(lost, up=True), tuple(steps))
+
+
+@dataclass(frozen=True)
+class Descent:
+    """From `start`, after `lost` metres: falls (1/m) with the floors to which each of them leads; rounded."""
+
+    start: fmpq
+    lost: fmpq
+    steps: tuple[tuple[fmpq, fmpq], ...]
+
+    def end_level(self, way: fmpq) -> fmpq:
+        """A level that V is at most after a run of so many metres, where it is kept below the start."""
+        level, way = self.start, dyadic(way, up=False) - self.lost
+        for fall, floor in self.steps:
             if fall <= 0 or way <= 0 or floor >= level:
                 break
-            fallen = min(level - floor, fall * way)
-            level, way = level - fallen, way - fallen / fall
-            if inner == self.inner:
-                break
-            inner = max(inner * STEP, self.inner)
+            if (level - floor) >= fall * way:
+                return dyadic(level - fall * way, up=True)
+            way = dyadic(way - (level - floor) / fall, up=False)
+            level = floor
         return level
 
 
@@ -158,23 +173,21 @@ def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tup
         question = question_of(claim, index, mine[0].tube, own.bounds, timing)
         held.append(_held(mine[0].tube, question, timing, own, claim.tubes[index][1:], effort))
     by_run = [held[tube] for _, _, tube in claim.runs]
-    ways = [_way(claim, run) for run in runs]
+    ways = [run.length(claim.reference) for run in runs]
+    rates = [each for own in held for each in own.rates]
 
     def keeps(amounts: Absorbed) -> fmpq | None:
-        kept = least_level([rates for own in held for rates in own.rates], amounts)
-        ends = [own.end_level(way, amounts) for own, way in zip(by_run, ways, strict=True)]
-        return kept if kept is not None and _handed_over(claim, by_run, ends, amounts) else None
+        kept = least_level(rates, amounts)
+        if kept is None:
+            return None
+        descents = [own.descent(amounts) for own in held]
+        ends = [descents[tube].end_level(way) for (_, _, tube), way in zip(claim.runs, ways, strict=True)]
+        return kept if _handed_over(claim, by_run, ends, amounts) else None
 
-    found = absorbed([rates for own in held for rates in own.rates], keeps)
+    found = absorbed(rates, keeps)
     if not found.alone.period:
         raise Broken("robustness: a tube is left as soon as it may be, with nothing to spare")
     return found, tuple(held)
-
-
-def _way(claim: ChainClaim, run: Run) -> fmpq:
-    """Metres of the path."""
-    first, last = claim.reference.pieces[run.begin], claim.reference.pieces[run.end - 1]
-    return last.arc + last.length - first.arc
 
 
 def _handed_over(claim: ChainClaim, tubes: Sequence[HeldTube], ends: Sequence[fmpq], amounts: Absorbed) -> bool:
@@ -186,7 +199,7 @@ def _handed_over(claim: ChainClaim, tubes: Sequence[HeldTube], ends: Sequence[fm
             return False
         last = index == len(tubes) - 1
         jump = claim.reference.gap.jump(following.tube.shape, following.tube.inverse) if last else fmpq(0)
-        room = entry / sqrt_upper(entry) - jump  # entry/√entry from above is at most √entry
+        room = sqrt_lower(entry) - jump
         if room <= 0 or level > link * room**2:
             return False
     return claim.sets is None or not broken_goal(claim.sets, tubes[-1].tube, ends[-1])

@@ -46,6 +46,11 @@ class Run(NamedTuple):
     end: int
     tube: CertifiedTube
 
+    def length(self, reference: Reference) -> fmpq:
+        """Metres of the path."""
+        last = reference.pieces[self.end - 1]
+        return last.arc + last.length - reference.pieces[self.begin].arc
+
 
 class ProvenLink(NamedTuple):
     """One tube hands over to the next at the start of a piece: V of the first is at most `level` after `needed` metres,
@@ -88,8 +93,7 @@ def prove_chain(
         raise ValueError(f"expected {len(followers)} levels of links, got {len(levels)}")
     links = []
     for index, (run, following, level) in enumerate(zip(runs, followers, levels, strict=False)):
-        last = pieces[run.end - 1]
-        available = last.arc + last.length - pieces[run.begin].arc
+        available = run.length(reference)
         around = reference.gap if index == len(runs) - 1 else None
         proven = needed_distance(run.tube, following.tube, level, around)
         if proven is None or proven[1] > available:

@@ -8,9 +8,9 @@ curvature does, has to follow from them, or is said to be taken for granted.
 from collections.abc import Sequence
 from itertools import pairwise
 
-from cfjax.check.body import is_a_body, looks_at_one_angle
+from cfjax.check.body import is_a_body, looks_at_one_angle, turns_by_timing_alone
 from cfjax.check.document import Course, ProblemClaim, VehicleClaim
-from cfjax.check.piece import Piece
+from cfjax.check.piece import Piece, are_steady
 from cfjax.check.polynomial import evaluate
 from cfjax.check.rational import about
 from cfjax.check.reader import Broken
@@ -43,26 +43,35 @@ def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -
 def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
     """That nothing is asked of a vehicle's states but what its dynamics say, where the checker knows nothing else.
 
-    What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfjax.check.body`).
-
     Raises:
         Broken: says what is asked.
     """
     course, vehicle = problem.course, problem.vehicle
+    if isinstance(course, Course):
+        require_path(vehicle, dynamics, course.reference.pieces, course.closed)
+        if problem.obstacles and vehicle.name not in KNOWN_VEHICLES and not is_a_body(dynamics, vehicle.states):
+            raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
+    elif vehicle.name not in KNOWN_VEHICLES and not course.is_single:
+        _require_one_angle(vehicle, dynamics)
+
+
+def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Piece], closed: bool) -> None:
+    """That an unknown vehicle's pose means along the path what it means, and nothing else of its reference jumps.
+
+    What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfjax.check.body`).
+    Where the path changes, ω has to enter as ω u0 g(x) alone: anything else that ω does to the reference, which of a
+    method without timing could be written without u0, would jump with it.
+
+    Raises:
+        Broken: says what is not so.
+    """
     if vehicle.name in KNOWN_VEHICLES:
         return
-    if not problem.is_steady and not looks_at_one_angle(dynamics, vehicle.states):
-        raise Broken(
-            "vehicle: along a path whose speed or curvature changes, its reference has to look along the path or at "
-            "one angle to it; by the dynamics in the file it does not"
-        )
-    if not isinstance(course, Course):
+    if closed and not closes(dynamics, vehicle.states, pieces):
+        raise Broken("vehicle: laps are closed for bodies that look along the path, whose other states do not jump")
+    if are_steady(pieces):
         return
-    pieces = course.reference.pieces
-    if course.closed:
-        require_lap(vehicle, dynamics, pieces)
-    if problem.obstacles and not is_a_body(dynamics, vehicle.states):
-        raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
+    _require_one_angle(vehicle, dynamics)
     for one, other in pairwise(pieces):
         if jumps := broken_joint(dynamics, one, other):
             where = f"in segment {one.segment}"
@@ -72,16 +81,19 @@ def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
                 f"{where}: the {jumps} jumps, and with it states of a vehicle that is none of "
                 f"{', '.join(KNOWN_VEHICLES)}"
             )
+    if not turns_by_timing_alone(dynamics):
+        raise Broken(
+            "vehicle: along a path whose speed or curvature changes, the turning rate has to enter as turning rate "
+            "times u0 g(x); by the dynamics in the file it does not"
+        )
 
 
-def require_lap(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Piece]) -> None:
-    """That the end of a lap is its start for the vehicle's states as well.
-
-    Raises:
-        Broken: of an unknown vehicle it is not known.
-    """
-    if vehicle.name not in KNOWN_VEHICLES and not closes(dynamics, vehicle.states, pieces):
-        raise Broken("vehicle: laps are closed for bodies that look along the path, whose other states do not jump")
+def _require_one_angle(vehicle: VehicleClaim, dynamics: Symbolic) -> None:
+    if not looks_at_one_angle(dynamics, vehicle.states):
+        raise Broken(
+            "vehicle: along a path whose speed or curvature changes, its reference has to look along the path or at "
+            "one angle to it; by the dynamics in the file it does not"
+        )
 
 
 def described(vehicle: VehicleClaim, dynamics: Symbolic, at_rest: bool = False) -> str:

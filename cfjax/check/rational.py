@@ -8,6 +8,7 @@ from fractions import Fraction
 from flint import arb, ctx, fmpq, fmpq_mat
 
 
+DYADIC = 80  # bits behind the point of numbers that are rounded to be short
 LARGEST_EXPONENT = 64
 PRECISION_BITS = 128  # of the arb balls that bound π, exponentials and square roots
 LONGEST_DYADIC = 2**16  # bits of what a ball may become: its exponent is a number of any size
@@ -47,6 +48,17 @@ def sqrt_upper(value: fmpq) -> fmpq:
     if value < 0:
         raise ValueError(f"expected a number that is not negative, got {value}")
     return upper_bound(arb(value).sqrt()) if value else fmpq(0)
+
+
+def sqrt_lower(value: fmpq) -> fmpq:
+    """A rational that is at most √value, for value ≥ 0."""
+    return value / sqrt_upper(value) if value else fmpq(0)
+
+
+def dyadic(value: fmpq, up: bool) -> fmpq:
+    """A short rational that is at least the value, or at most: whole 2^-DYADIC."""
+    scaled = value * 2**DYADIC
+    return fmpq(scaled.ceil() if up else scaled.floor(), 2**DYADIC)
 
 
 def exp_bounds(value: fmpq) -> tuple[fmpq, fmpq]:

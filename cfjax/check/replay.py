@@ -115,7 +115,8 @@ def _along_chain(document: dict, hints: object) -> tuple[tuple[str, ...], Robust
         "below the shell times V over its level, down to the inner one, for every curvature and acceleration of the "
         f"bounds at once ({told}),"
     )
-    return states, proven, law, ", whatever the path does meanwhile"
+    end = " and end in G" if claim.sets else "" if claim.closed else ", V at the end being another than above"
+    return states, proven, law, f", whatever the path does meanwhile, and stay in the tubes{end}"
 
 
 def _absorbed(states: tuple[str, ...], proven: Robustness, law: str, meanwhile: str) -> str:

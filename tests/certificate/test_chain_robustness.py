@@ -142,7 +142,7 @@ def test_v_comes_down_no_slower_than_is_said(period: float) -> None:
     own = by_hand()
     amounts = replace(NOTHING, period=fmpq(round(period * 10**6), 10**6))
     for way, speed in itertools.product((0.05, 0.3, 1.0, 2.0, 5.0), (1.0, 1.5, 2.0)):
-        told = float(own.end_level(fmpq(round(1000 * way), 1000), amounts))
+        told = float(own.descent(amounts).end_level(fmpq(round(1000 * way), 1000)))
         worst = worst_end(own, way, period, speed)
         assert worst <= told + 1e-12
         assert told < worst + 0.03 + 60 * period or speed > 1  # the slowest speed is the one that counts
@@ -154,17 +154,18 @@ def test_with_nothing_amiss_v_comes_down_as_in_the_certificate() -> None:
         exact = fmpq(round(100 * way), 100)
         certified = own.tube.level_after(exact)
         # slower by what a law in floating point may miss, and by steps from level to level
-        assert certified <= own.end_level(exact, NOTHING) <= certified + fmpq(3, 100)
+        assert certified <= own.descent(NOTHING).end_level(exact) <= certified + fmpq(3, 100)
 
 
 def test_more_amiss_is_more_of_the_way() -> None:
     own, way = by_hand(), fmpq(1)
     some = Absorbed(fmpq(1, 2000), (fmpq(1, 100),) * 4, (fmpq(1, 1000),) * 4, fmpq(1, 4000))
-    before = own.end_level(way, NOTHING)
+    before = own.descent(NOTHING).end_level(way)
     for name in ("period", "disturbance", "pose_error", "delay"):
-        assert own.end_level(way, replace(NOTHING, **{name: getattr(some, name)})) > before
-    assert own.end_level(way, some) < own.entry(NOTHING)
-    assert own.end_level(way, some.scaled(fmpq(40))) == 1 - own.blurred(some.scaled(fmpq(40)))  # nothing falls
+        assert own.descent(replace(NOTHING, **{name: getattr(some, name)})).end_level(way) > before
+    assert own.descent(some).end_level(way) < own.entry(NOTHING)
+    much = some.scaled(fmpq(40))
+    assert 0 <= own.descent(much).end_level(way) - (1 - own.blurred(much)) < fmpq(1, 10**20)  # nothing falls
     assert own.entry(some) < 1 - own.blurred(some) < 1
 
 

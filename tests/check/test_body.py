@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.body import is_a_body, looks_at_one_angle
+from cfjax.check.body import is_a_body, looks_at_one_angle, turns_by_timing_alone
 from cfjax.check.graph import Graph, Node
 from cfjax.check.meaning import closes
 from cfjax.check.symbolic import symbolic
@@ -73,6 +73,28 @@ def test_an_angle_that_changes_however_little_is_seen(vehicle: Vehicle) -> None:
         assert not one_angle(spoil(graph), vehicle)
     for spoil in (added(3, "x"), added(1, "v", "y"), added(2, "v", function="sin")):
         assert one_angle(spoil(graph), vehicle)
+
+
+def test_curvature_is_felt_through_the_timing_alone() -> None:
+    """What else it does to a reference could be written without u0 where u0 is 1, and would jump with it."""
+
+    def alone(graph: Graph, vehicle: Vehicle) -> bool:
+        return turns_by_timing_alone(symbolic(graph, vehicle.state_names, ("u0", *vehicle.input_names)))
+
+    for vehicle in (KinematicBicycle(), Unicycle(), Ship(), Crab()):
+        graph = trace_deviation(vehicle)
+        assert alone(graph, vehicle)
+        assert alone(added(1, "reference:turn_rate", "input:u0", "x", "v")(graph), vehicle)
+        for names in (
+            ("turn_rate",),
+            ("turn_rate", "x"),
+            ("turn_rate", "turn_rate", "u0"),
+            ("turn_rate", "speed", "u0"),
+        ):
+            whole = [{"u0": "input:u0", "x": "x"}.get(name, f"reference:{name}") for name in names]
+            assert not alone(added(1, *whole)(graph), vehicle)
+        assert not alone(added(2, "reference:turn_rate", function="sin")(graph), vehicle)
+    assert not alone(trace_deviation(SteeredCar()), SteeredCar())
 
 
 def test_no_pose_no_angle() -> None:

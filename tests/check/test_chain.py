@@ -11,13 +11,18 @@ import numpy as np
 import pytest
 
 import cfjax
+from cfjax.certificate import certify
 from cfjax.check import Outcome, check_document, check_file
+from cfjax.check.certified import CertifiedTube, Origin
+from cfjax.check.chain import tube_of
 from cfjax.check.document import document_hash
 from cfjax.errors import InputError
-from cfjax.problem import KinematicBicycle, Pose, Profile, Segment
+from cfjax.funnel import Funnel, template_named
+from cfjax.problem import Interval, KinematicBicycle, Pose, Problem, Profile, Segment, Tube, ball
 from cfjax.problem import Path as Course
 from cfjax.tubes import chain_document, library, write_chain
 from cfjax.tubes.follow import Following
+from tests.check.vehicles import SeenAhead
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +186,31 @@ def test_a_path_of_an_unknown_vehicle_is_one_of_what_its_graph_shows(document: d
     report = check_document(renewed(document))
     assert report.outcome is Outcome.BROKEN
     assert "laps are closed for bodies" in report.message
+
+
+def steady_tube(curvature: float, vehicle: SeenAhead) -> CertifiedTube:
+    """Of one reference alone, which says nothing of any other; certified."""
+    zero = Interval(0.0, 0.0)
+    bounds = Tube(Interval(curvature, curvature), Interval(1.0, 1.0), zero)
+    problem = Problem(Course("one", (bounds,)), vehicle=vehicle, inlet=ball(0.3), goal=ball(0.9))
+    shape = np.array([[3.841, -1.6, 0, 0], [-1.6, 5.186, 0, 0], [0, 0, 4.591, 1.156], [0, 0, 1.156, 5.04]])
+    found = certify(problem, [Funnel(template_named("contracting"), shape, 0.0, np.inf)])
+    assert found.document is not None, found
+    assert check_document(found.document).outcome is Outcome.PROVEN
+    return replace(tube_of(found.document, f"{curvature}"), origin=Origin(found.document))
+
+
+def test_tubes_of_one_reference_each_are_no_path_of_one_that_looks_elsewhere() -> None:
+    """Straight on, then along an arc: the heading of the reference jumps between them, where neither tube sees it."""
+    vehicle = SeenAhead(ahead=0.1)
+    tubes = [steady_tube(curvature, vehicle) for curvature in (0.0, 0.3)]
+    breaks = (0.0, 12.0, 15.0)
+    kink = Segment(Profile(breaks, ((0.0,), (0.3,))), Profile(breaks, ((1.0,), (1.0,))), Pose(0.0, 0.0, 0.0))
+    document = chain_document(cfjax.follow(Course("kink", (kink,)), tubes))
+    assert len(document["runs"]) == 2
+    report = check_document(document)
+    assert report.outcome is Outcome.BROKEN
+    assert "along the path or at one angle" in report.message
 
 
 @pytest.mark.parametrize("name", OTHERWISE)

@@ -42,7 +42,9 @@ class SeenAhead(KinematicBicycle):
         return Twist(turn, -self.ahead * turn, forward)
 
     def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
-        return Twist(turn_rate, -self.ahead * turn_rate, speed), (speed,)
+        across = self.ahead * turn_rate
+        forward = jnp.sqrt(speed**2 - across**2)
+        return Twist(turn_rate, -across, forward), (forward,)
 
 
 @dataclass(frozen=True)
