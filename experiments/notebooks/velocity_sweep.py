@@ -35,12 +35,12 @@ from cfjax.report.style import CAR_COLOURS, STYLE
 matplotlib.rcParams.update(STYLE)
 
 # %% [markdown]
-# The one switch. With `CI` in the environment: two speeds, and a quarter of the candidates. Else five, as in the paper.
+# The one switch. With `CI` in the environment: two speeds, and a short search. Else five, as in the paper.
 
 # %%
 quick = bool(os.environ.get("CI"))
 speeds = np.pi * np.array([0.5, 10] if quick else [0.5, 1, 2, 4, 10])  # m/s
-options = cfjax.Options(cars=0, robustness=False, restarts=1 if quick else 4)
+options = cfjax.Options(cars=0, robustness=False, restarts=1 if quick else 4, rounds=1 if quick else cfjax.Options.rounds)
 
 # %% [markdown]
 # One synthesis for each speed and method. On the command line this would be `scripts/train -m +path=circle
