@@ -22,6 +22,7 @@
 # %%
 # %matplotlib inline
 import os
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -40,7 +41,9 @@ matplotlib.rcParams.update(STYLE)
 # %%
 quick = bool(os.environ.get("CI"))
 speeds = np.pi * np.array([0.5, 10] if quick else [0.5, 1, 2, 4, 10])  # m/s
-options = cfjax.Options(cars=0, robustness=False, restarts=1 if quick else 4, rounds=1 if quick else cfjax.Options.rounds)
+options = cfjax.Options(cars=0, robustness=False)
+if quick:
+    options = replace(options, restarts=1, rounds=1)
 
 # %% [markdown]
 # One synthesis for each speed and method. On the command line this would be `scripts/train -m +path=circle
