@@ -31,7 +31,7 @@ def check(folder: Path) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(line, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("path", ["circle", "straight", "straight_long", "straight_restricted"])
+@pytest.mark.parametrize("path", ["circle", "straight"])  # the others' funnels: tests/rows
 def test_every_steady_preset_ends_certified(command: Command, tmp_path: Path, path: str) -> None:
     run = command(f"+path={path}", "template=paper", "cars=200")
     assert run.returncode == 0, run.stderr
@@ -141,7 +141,7 @@ def test_a_racing_line_from_waypoints_is_held_by_a_tube_of_the_package(command: 
     """A lap of more than 200 m, a car of another wheelbase: proven by what is there already."""
     line = racing_line()
     np.savetxt(tmp_path / "lap.csv", np.column_stack([line.real, line.imag]), delimiter=",")
-    run = command("+path=waypoints", "path.file=lap.csv", "vehicle.wheelbase=0.33", "cars=50")
+    run = command("+path=waypoints", "path.file=lap.csv", "vehicle.wheelbase=0.33", "cars=50", "robustness=false")
     assert run.returncode == 0, run.stderr
     folder = folder_of(run, tmp_path)
     result = json.loads((folder / "result.json").read_text())
