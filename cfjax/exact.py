@@ -12,17 +12,26 @@ from typing import Any, NamedTuple
 
 from flint import acb, arb, fmpq
 
+from cfjax.check.certified import CertifiedTube
 from cfjax.check.piece import Piece
 from cfjax.check.polynomial import Coefficients, evaluate, shifted
 from cfjax.check.rational import decimal_text, rational, upper_bound
 from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
+from cfjax.check.tube import TubeClaim
 from cfjax.errors import InputError
+from cfjax.problem import Interval, Tube
 from cfjax.problem.path import Path, Segment
 
 
 def exact_numbers(numbers: Sequence[float]) -> tuple[fmpq, ...]:
     """Each as the decimal that it prints as."""
     return tuple(rational(float(number)) for number in numbers)
+
+
+def tube_within(bounds: TubeClaim | CertifiedTube) -> Tube:
+    """Every path within bounds that are given in exact numbers, in floating-point ones."""
+    ends = bounds.curvature, bounds.speed, bounds.acceleration
+    return Tube(*(Interval(float(lower), float(upper)) for lower, upper in ends))
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,8 @@ from cfjax.check.tube import Range, TubeClaim
 
 
 STEP = Decimal("1e-6")  # to which bounds are rounded
-ALIKE = fmpq(
-    1, 2
-)  # curvatures to both sides less unequal than this are taken as equal: mirror images are half the proof
+# curvatures to both sides less unequal than this are taken as equal: mirror images are half the proof
+ALIKE = fmpq(1, 2)
 
 
 def bounds_of_pieces(pieces: Sequence[Piece]) -> TubeClaim:

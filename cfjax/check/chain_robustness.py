@@ -187,7 +187,7 @@ def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tup
     found = absorbed(rates, keeps)
     if not found.alone.period:
         raise Broken("robustness: a tube is left as soon as it may be, with nothing to spare")
-    return found, tuple(held)
+    return replace(found, along=tuple(own.bounds for own in by_run)), tuple(held)
 
 
 def _handed_over(claim: ChainClaim, tubes: Sequence[HeldTube], ends: Sequence[fmpq], amounts: Absorbed) -> bool:

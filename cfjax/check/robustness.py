@@ -168,6 +168,7 @@ class Robustness:
     rates: tuple[Rates, ...]  # of each distinct segment, or of each band of a tube's speeds
     bands: tuple[tuple[fmpq, fmpq], ...] = ()  # of a tube: speeds, m/s
     by_speed: tuple[Absorbed, ...] = ()  # what is absorbed by itself at the speeds of each band
+    along: tuple[TubeClaim, ...] = ()  # of a path in tubes: for each run, bounds for all of which the law has to ask
 
 
 def prove_robustness(

@@ -37,6 +37,7 @@ from cfjax.check.robustness import SHARE
 from cfjax.check.robustness import Absorbed as ProvenAmounts
 from cfjax.check.robustness import Robustness as Proven
 from cfjax.errors import InputError
+from cfjax.exact import tube_within
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
 from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, SegmentResult, StretchMargin, WorstPlace
@@ -171,8 +172,8 @@ def confirmed(result: Result, folder: Path, check: Check = check_file) -> Result
         )
     if wanted is Outcome.REFUTED:
         return result.replace(message=report.message, robustness=None)
-    amounts = None if report.robustness is None else _amounts(report.robustness)
-    return _with_margins(result, report).replace(message=report.message, robustness=amounts)
+    result = _with_margins(result, report).replace(message=report.message, robustness=None)
+    return result if report.robustness is None else _with_amounts(result, report.robustness)
 
 
 def _write_robustness(
@@ -186,13 +187,22 @@ def _write_robustness(
         write_whole(folder / ROBUSTNESS, dump(hints).encode())
         report = check(folder)
         if report.outcome is Outcome.PROVEN and report.robustness is not None:
-            return result.replace(robustness=_amounts(report.robustness))
+            return _with_amounts(result, report.robustness)
         reason = report.message
     except Exception as error:  # the certificate stands without it
         reason = f"{type(error).__name__}: {error}"
     (folder / ROBUSTNESS).unlink(missing_ok=True)
     print(f"warning: nothing is proven of what the funnel absorbs: {' '.join(reason.split())}", file=sys.stderr)
     return result
+
+
+def _with_amounts(result: Result, proven: Proven) -> Result:
+    """The result with what is absorbed, and with a law along tubes that asks for what this was proven of."""
+    result = result.replace(robustness=_amounts(proven))
+    if not proven.along:
+        return result
+    each = zip(result.segments, map(tube_within, proven.along), strict=True)
+    return result.replace(segments=tuple(dataclasses.replace(segment, along=own) for segment, own in each))
 
 
 def _amounts(proven: Proven) -> Robustness:

@@ -36,8 +36,10 @@ def along_path(result: Result, file: File | None = None) -> Result:
     (found,) = result.segments
     return result.replace(
         problem=replace(problem, path=following.path),
-        # the law asks for all that the tube holds: so what the tube absorbs is absorbed along the path
+        # the law asks for all that the tube holds: so what the tube absorbs is absorbed along the path, but for the
+        # gap that integration leaves where a lap begins again
         segments=(replace(found, span=(0.0, duration), reference=tube, along=tube),),
+        robustness=None if path.closed else result.robustness,
         rollouts=(),
     )
 

@@ -17,10 +17,9 @@ from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
 from cfjax.check.containment import broken_containments
 from cfjax.check.rational import float_below
-from cfjax.check.tube import TubeClaim
 from cfjax.check.vehicle import STATES
 from cfjax.errors import InputError
-from cfjax.exact import exact_course, exact_numbers
+from cfjax.exact import exact_course, exact_numbers, tube_within
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Ellipsoid, Interval, Path, Problem, Tube
 from cfjax.result import Result, SegmentResult
@@ -113,7 +112,7 @@ def bounds_of(path: Path) -> Tube:
     """
     reference = exact_course(path)
     try:
-        return _tube(bounds_of_pieces(reference.pieces))
+        return tube_within(bounds_of_pieces(reference.pieces))
     except ValueError as error:
         raise InputError(f"path {path.name}: {error}") from None
 
@@ -148,8 +147,8 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
                 margin_falsified=falsified.get(tube.name, math.nan),
                 margin_certified=float_below(tube.margin),
                 margin_per_metre=float_below(tube.margin_per_metre),
-                reference=_tube(tube),
-                along=_tube(along[tube]),
+                reference=tube_within(tube),
+                along=tube_within(along[tube]),
                 span=(0.0 if run.begin == 0 else float(ends[run.begin - 1]), float(ends[run.end - 1])),
             )
         )
@@ -164,11 +163,3 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
         tuple(segments),
         document=document if proven else None,
     )
-
-
-def _tube(bounds: TubeClaim | CertifiedTube) -> Tube:
-    return Tube(*(_interval(getattr(bounds, name)) for name in ("curvature", "speed", "acceleration")))
-
-
-def _interval(ends: tuple[fmpq, fmpq]) -> Interval:
-    return Interval(float(ends[0]), float(ends[1]))
