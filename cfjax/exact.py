@@ -23,6 +23,9 @@ from cfjax.problem import Interval, Tube
 from cfjax.problem.path import Path, Segment
 
 
+LARGEST_GAP = LARGEST_SPEED_GAP  # m/s and rad/s: rounding of a spline's coefficients
+
+
 def exact_numbers(numbers: Sequence[float]) -> tuple[fmpq, ...]:
     """Each as the decimal that it prints as."""
     return tuple(rational(float(number)) for number in numbers)
@@ -45,6 +48,11 @@ class StatedProfile:
         ascending = all(a < b for a, b in zip(self.breaks, self.breaks[1:], strict=False))
         if len(self.breaks) != len(self.coefficients) + 1 or not ascending or not all(self.coefficients):
             raise ValueError("a profile needs increasing breaks, one more than pieces, and coefficients in each")
+
+    @property
+    def first(self) -> fmpq:
+        """Its value where it begins."""
+        return self.coefficients[0][0]
 
 
 class StatedSegment(NamedTuple):
@@ -70,10 +78,11 @@ def stated(segment: Segment) -> StatedSegment:
     )
 
 
-def exact_reference(segments: Sequence[StatedSegment]) -> Reference:
+def exact_reference(segments: Sequence[StatedSegment], turn_rate_after: fmpq | None = None) -> Reference:
     """The reference that a chain of segments states.
 
-    Speed is made continuous by the constant terms of later pieces, poses by integrating from the first one.
+    Speed is made continuous by the constant terms of later pieces, and so is the turning rate where it jumps by rounding
+    alone; poses by integrating from the first one.
 
     Raises:
         ValueError: where the speed jumps by more than 1e-9 m/s, or a later segment does not start (1e-6 rad, 1e-6 m)
@@ -85,13 +94,19 @@ def exact_reference(segments: Sequence[StatedSegment]) -> Reference:
         breaks = segment.turn_rate.breaks, segment.speed.breaks
         if breaks[0][0] != 0 or breaks[1][0] != 0 or breaks[0][-1] != breaks[1][-1]:
             raise ValueError(f"segment {index}: turn rate and speed need the same range of theta, from 0")
-        speed = _continuous(index, segment.speed, pieces[-1] if pieces else None)
+        before = pieces[-1] if pieces else None
+        speed = _continuous(index, segment.speed, before)
+        turn = _joined(
+            segment.turn_rate,
+            evaluate(before.turn_rate, before.duration) if before else None,
+            segments[index + 1].turn_rate.first if index + 1 < len(segments) else turn_rate_after,
+        )
         ends = breaks[0] if breaks[0] == breaks[1] else sorted({*breaks[0], *breaks[1]})
         turning = moving = 0
         for begin, end in itertools.pairwise(ends):
             turning += breaks[0][turning + 1] <= begin
             moving += breaks[1][moving + 1] <= begin
-            turn_rate = shifted(segment.turn_rate.coefficients[turning], begin - breaks[0][turning])
+            turn_rate = shifted(turn[turning], begin - breaks[0][turning])
             piece = Piece(index, begin, end - begin, turn_rate, shifted(speed[moving], begin - breaks[1][moving]), arc)
             pieces.append(piece)
             arc += piece.length
@@ -106,6 +121,8 @@ def exact_reference(segments: Sequence[StatedSegment]) -> Reference:
 def exact_course(path: Path) -> Reference:
     """The path that is proven: each segment's profile by itself, so that equal segments stay equal.
 
+    One ends at the turning rate with which the next one of the path begins, where these differ by rounding alone.
+
     Raises:
         InputError: where a segment does not start (1e-6 rad, 1e-6 m) where the one before ends.
     """
@@ -113,8 +130,10 @@ def exact_course(path: Path) -> Reference:
     arc = fmpq(0)
     statements = [stated(segment) for segment in path.curve]
     try:
-        for index, statement in enumerate(statements):
-            own = exact_reference([statement])
+        for index, (statement, kind) in enumerate(zip(statements, path.kinds, strict=True)):
+            after = path.kinds.index(kind) + 1  # of the first of its kind
+            follower = statements[after % len(statements)] if after < len(statements) or path.closed else None
+            own = exact_reference([statement], follower and follower.turn_rate.first)
             pieces += [replace(piece, segment=index, arc=arc + piece.arc) for piece in own.pieces]
             arc += own.length
         start = exact_reference(statements[:1]).start
@@ -128,17 +147,34 @@ def exact_course(path: Path) -> Reference:
 
 def _continuous(index: int, profile: StatedProfile, before: Piece | None) -> list[Coefficients]:
     """The speed's coefficients with constant terms that continue the piece before, exactly."""
-    value = before.end_speed if before else profile.coefficients[0][0]
-    result = []
-    for begin, end, (meant, *higher) in zip(profile.breaks, profile.breaks[1:], profile.coefficients, strict=False):
-        if abs(meant - value) > LARGEST_SPEED_GAP:
+    value = before.end_speed if before else profile.first
+    joined = _joined(profile, value)
+    for begin, end, coefficients in zip(profile.breaks, profile.breaks[1:], joined, strict=False):
+        meant = coefficients[0]
+        if meant != value:
             raise ValueError(
                 f"speed jumps by {float(meant - value):.6g} m/s at theta = {float(begin):.6g} s of segment {index}, "
                 f"from {float(value):.6g} to {float(meant):.6g} m/s: expected a continuous speed"
             )
-        result.append((value, *higher))
-        value = evaluate(result[-1], end - begin)
-    return result
+        value = evaluate(coefficients, end - begin)
+    return joined
+
+
+def _joined(profile: StatedProfile, before: fmpq | None, after: fmpq | None = None) -> list[Coefficients]:
+    """The coefficients of pieces that continue each other exactly, where they do but for rounding.
+
+    So do what is there before them and after them, where it is given: the first by constant terms, as between pieces,
+    the other one by the slope of the last piece, if it has one.
+    """
+    value = profile.first if before is None else before
+    found = []
+    for begin, end, (meant, *higher) in zip(profile.breaks, profile.breaks[1:], profile.coefficients, strict=False):
+        found.append((value if abs(meant - value) <= LARGEST_GAP else meant, *higher))
+        value = evaluate(found[-1], end - begin)
+    if after is not None and abs(after - value) <= LARGEST_GAP and len(found[-1]) > 1:
+        constant, slope, *higher = found[-1]
+        found[-1] = (constant, slope + (after - value) / (profile.breaks[-1] - profile.breaks[-2]), *higher)
+    return found
 
 
 def _check_start(index: int, start: tuple[fmpq, fmpq, fmpq], pose: ExactPose) -> None:

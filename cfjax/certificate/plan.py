@@ -33,14 +33,22 @@ class Plan(NamedTuple):
     target: float  # 1/s, that each of them is to prove
 
 
-def plan(problem: Problem, segment: Segment, funnel: Funnel, target: float, spare: float, most: int) -> Plan:
+def plan(
+    problem: Problem,
+    segment: Segment,
+    funnel: Funnel,
+    target: float,
+    spare: float,
+    most: int,
+    is_smooth: bool = False,
+) -> Plan:
     """Few stretches, none of which has a margin below `spare` (≥ 1) times the target (1/s) as far as particles find.
 
     The target is lowered where they would be more than `most`, or where a place alone does not reach it; what is then
     left to try is the whole segment in `most` equal parts; so it is where the reference stops, which has no curvature
-    there: the proof then says between which θ.
+    there: the proof then says between which θ. Of a smooth segment a stretch has bounds of the curvature's rate too.
     """
-    planner = _Planner(problem, segment, funnel)
+    planner = _Planner(problem, segment, funnel, is_smooth)
     wanted = target if planner.speed.min() > 0 else 0.0
     while wanted >= LEAST_SHARE * target:
         ends, shortest = planner.ends(spare * wanted, most)
@@ -58,12 +66,15 @@ class _Planner:
     problem: Problem
     segment: Segment
     funnel: Funnel
+    is_smooth: bool
 
     def __post_init__(self) -> None:
         self.theta = np.linspace(0.0, self.segment.duration, CELLS + 1)
         turn, speed = self.segment.turn_rate.polynomial, self.segment.speed.polynomial
         self.speed, self.slope = speed(self.theta), speed(self.theta, 1)
-        self.curvature = turn(self.theta) / np.where(self.speed > 0, self.speed, np.nan)
+        moving = np.where(self.speed > 0, self.speed, np.nan)
+        self.curvature = turn(self.theta) / moving
+        self.curvature_rate = (turn(self.theta, 1) - self.curvature * self.slope) / moving
         self.known: dict[tuple[int, int], float] = {}
 
     def ends(self, target: float, most: int) -> tuple[tuple[int, ...], float]:
@@ -111,4 +122,5 @@ class _Planner:
             return Interval(float(part.min()), float(part.max()))
 
         bounds = Tube(range_of(self.curvature), range_of(self.speed), range_of(self.slope))
-        return Stretch(float(self.theta[begin]), float(self.theta[end]), bounds)
+        changing = range_of(self.curvature_rate) if self.is_smooth else None
+        return Stretch(float(self.theta[begin]), float(self.theta[end]), bounds, changing)

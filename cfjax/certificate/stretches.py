@@ -32,7 +32,7 @@ from cfjax.check.proof import extremes_of, signs_text
 from cfjax.check.rational import decimal_text, rational
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import TubeClaim, place_of
+from cfjax.check.tube import SmoothTube, TubeClaim, has_tube_structure, place_of
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
 from cfjax.problem import Path, Problem, Segment, Tube
@@ -128,8 +128,8 @@ class StretchProof:
     hinted: int  # cells whose solution was only a hint
 
 
-def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> Stretch:
-    """The stretch of a segment's pieces with bounds that are proven to hold.
+def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = False) -> Stretch:
+    """The stretch of a segment's pieces with bounds that are proven to hold; of the curvature's rate if it is smooth.
 
     Raises:
         ValueError: where none are found: the speed is not positive, say.
@@ -140,7 +140,7 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> Stretch:
         kappa, v, zero = first.turn_rate[0] / first.speed[0], first.speed[0], fmpq(0)
         return Stretch(begin, end, TubeClaim((kappa, kappa), (v, v), (zero, zero)))
     profiles = [_sampled(part) for part in parts]
-    speed, turn, slope = (np.concatenate(each) for each in zip(*profiles, strict=True))
+    speed, turn, slope, turn_slope = (np.concatenate(each) for each in zip(*profiles, strict=True))
     if not speed.min() > 0:
         raise ValueError(
             f"the reference does not move forwards between theta = {float(begin):.4g} and {float(end):.4g} s"
@@ -149,6 +149,9 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> Stretch:
     for slack in SLACKS:
         moving = level if _is_constant(parts) else (_around(speed, slack), _around(slope, slack))
         bounds = TubeClaim(_around(turn / speed, slack), *moving)
+        if is_smooth:
+            rate = (turn_slope - turn / speed * slope) / speed
+            bounds = SmoothTube(bounds.curvature, *moving, _around(rate, slack))
         if bounds.speed[0] > 0 and all(part.inside(bounds) for part in parts):
             return Stretch(begin, end, bounds)
     raise ValueError(f"no bounds are proven between theta = {float(begin):.4g} and {float(end):.4g} s")
@@ -160,10 +163,10 @@ def _is_constant(parts: Sequence[Piece]) -> bool:
 
 
 def _sampled(part: Piece) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Speed, turning rate and acceleration along a piece."""
+    """Speed, turning rate, acceleration and the turning rate's slope along a piece."""
     t = np.linspace(0.0, float(part.duration), SAMPLES)
     turn, speed = (np.polynomial.Polynomial([float(c) for c in cs]) for cs in (part.turn_rate, part.speed))
-    return speed(t), turn(t), speed.deriv()(t) + 0 * t
+    return speed(t), turn(t), speed.deriv()(t) + 0 * t, turn.deriv()(t) + 0 * t
 
 
 def _around(values: np.ndarray, slack: float) -> Bounds:
@@ -255,6 +258,8 @@ class Prover:
         self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
         self.pool, self.clock, self.progress = pool, clock, progress
         self.degrees: tuple[int, ...] = ()
+        inputs = ("u0", *problem.vehicle.input_names)
+        self.is_smooth = not has_tube_structure(symbolic(graph, problem.vehicle.state_names, inputs))
         self.room = room  # entries of Gram matrices that the file can still hold
         self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0
@@ -279,7 +284,7 @@ class Prover:
             first, last, halvings = open_.pop()
             begin, end = first * duration, last * duration
             with self._at(begin, end):
-                stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end))
+                stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end, self.is_smooth))
                 room = len(found) + len(open_) + 2 <= self._most_stretches() and halvings < MOST_HALVINGS
                 try:
                     found.append(self.prove(stretch, target if room and self._can_gain(stretch) else 0.0))
@@ -295,9 +300,10 @@ class Prover:
             return (CELLS,), target
         started = time.perf_counter()
         with contextlib.suppress(ValueError):  # the whole segment may be too much to ask about; its size is known then
-            whole = bounded(pieces, fmpq(0), duration)
+            whole = bounded(pieces, fmpq(0), duration, self.is_smooth)
             self._count(decreases_on(self.problem, self.rounded, self.graph, whole))
-        planned = plan(self.problem, segment, self.rounded.funnel, target, SPARE, self._most_stretches())
+        funnel, most = self.rounded.funnel, self._most_stretches()
+        planned = plan(self.problem, segment, funnel, target, SPARE, most, self.is_smooth)
         self.clock["plan"] += time.perf_counter() - started
         return planned.ends, planned.target
 

@@ -9,7 +9,7 @@ from flint import fmpq
 
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
+from cfjax.check.document import BOUNDS, CURVATURE_RATE, FORMAT, VERSION, CellKey, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
 from cfjax.check.meaning import closes
@@ -17,7 +17,7 @@ from cfjax.check.piece import Piece
 from cfjax.check.program import Matrix
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import TubeClaim
+from cfjax.check.tube import SmoothTube, TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.exact import exact_course, write_pieces
 from cfjax.problem import Method, Problem, Vehicle
@@ -134,9 +134,9 @@ def write_grams(grams: Sequence[Gram]) -> list[dict[str, Any]]:
 
 
 def write_bounds(bounds: TubeClaim) -> dict[str, Any]:
-    """Intervals of curvature, speed and acceleration."""
-    named = {"curvature": bounds.curvature, "speed": bounds.speed, "acceleration": bounds.acceleration}
-    return {name: [str(lower), str(upper)] for name, (lower, upper) in named.items()}
+    """Intervals of curvature, speed and acceleration, and of the curvature's rate where that is bounded."""
+    names = (*BOUNDS, CURVATURE_RATE) if isinstance(bounds, SmoothTube) else BOUNDS
+    return {name: [str(end) for end in getattr(bounds, name)] for name in names}
 
 
 def write_clearance(planes: Sequence[Sequence[Sequence[Sequence[HalfPlane]]]]) -> list:

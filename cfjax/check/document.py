@@ -6,7 +6,7 @@ anything stated is true is not decided here (`cfjax.check.replay`).
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -20,12 +20,13 @@ from cfjax.check.program import Matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.tube import TubeClaim
+from cfjax.check.tube import Range, SmoothTube, TubeClaim
 
 
 FORMAT = "cfjax-certificate"
 VERSION = 3
 CLAIMS = ("funnel", "refutation")
+BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate"
 PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
 TEMPLATES = {"paper": "c0", "contracting": "rate"}
 MOST_STATES = 6
@@ -34,7 +35,7 @@ MOST_INPUTS = 4  # u0 among them
 MOST_NODES = 400
 MOST_FUNCTIONS = 32  # nodes that apply sin, cos, …
 MOST_MONOMIALS = 128  # rows of a Gram matrix
-MOST_EXTREMES = 8  # references of a tube: ends of curvature, speed, acceleration
+MOST_EXTREMES = 16  # references of a stretch: ends of curvature and its rate, speed, acceleration
 MOST_CELLS = 32 * MOST_EXTREMES  # of a stretch: two pieces, sixteen patterns of the signs of four inputs
 MOST_STRETCHES = 64  # of one funnel's proof
 MOST_GRAM_ENTRIES = 1_500_000  # of the whole file; a circle's takes about 20 000
@@ -381,16 +382,26 @@ def _powers(item: Item) -> Coefficients:
 
 def read_bounds(item: Item) -> TubeClaim:
     """Intervals of curvature (1/m), speed (m/s) and acceleration (m/s²)."""
-    bounds = item.record("curvature", "speed", "acceleration")
-    ranges = []
-    for entry in bounds:
+    return TubeClaim(*_ranges(item.record(*BOUNDS)))
+
+
+def _stretch_bounds(item: Item) -> TubeClaim:
+    """The same of a stretch of path, and the rate of its curvature, 1/(m s), where that is bounded."""
+    if isinstance(item.value, dict) and CURVATURE_RATE in item.value:
+        return SmoothTube(*_ranges(item.record(*BOUNDS, CURVATURE_RATE)))
+    return read_bounds(item)
+
+
+def _ranges(entries: Sequence[Item]) -> list[Range]:
+    found = []
+    for entry in entries:
         lower, upper = (end.rational() for end in entry.items(2, 2))
         if lower > upper:
             entry.refuse("an interval, lower end first")
-        ranges.append((lower, upper))
-    if not ranges[1][0] > 0:
-        bounds[1].refuse("speeds above zero")
-    return TubeClaim(*ranges)
+        found.append((lower, upper))
+    if not found[BOUNDS.index("speed")][0] > 0:
+        entries[BOUNDS.index("speed")].refuse("speeds above zero")
+    return found
 
 
 def _funnel(item: Item, size: int) -> FunnelClaim:
@@ -487,7 +498,7 @@ def _stretch_hints(item: Item, size: int, sizes: list[int], room: Room) -> Stret
             tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
         )
     rows = [[entry.rational() for entry in row.items(size, size)] for row in whitening.items(size, size)]
-    return StretchHints(end.rational(), read_bounds(bounds), rows, by_node, by_cell)
+    return StretchHints(end.rational(), _stretch_bounds(bounds), rows, by_node, by_cell)
 
 
 def read_unary(item: Item) -> tuple[int, UnaryHint]:

@@ -276,6 +276,8 @@ class Enclosure:
         Raises:
             ValueError: where this enclosure reaches beyond the range on which the unary one holds.
         """
+        if unary.function == "inv" and self.polynomial.is_constant() and not any(self.remainder) and self.polynomial:
+            return self.domain.constant(1 / fmpq(self.polynomial.coeffs()[0]))  # a rational's is one
         lower, upper = self.range()
         if not unary.lower <= lower <= upper <= unary.upper:
             raise ValueError(

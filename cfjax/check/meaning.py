@@ -10,8 +10,7 @@ from itertools import pairwise
 
 from cfjax.check.body import is_a_body, looks_at_one_angle, turns_by_timing_alone
 from cfjax.check.document import Course, ProblemClaim, VehicleClaim
-from cfjax.check.piece import Piece, are_steady
-from cfjax.check.polynomial import evaluate
+from cfjax.check.piece import Piece, are_steady, jumps_in_turning
 from cfjax.check.rational import about
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
@@ -20,8 +19,12 @@ from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
 def follows_turning(dynamics: Symbolic) -> bool:
-    """Whether states of the reference that are no pose change with the turning rate: then the rates read its slope."""
-    return dynamics.depends_on(TURN_RATE_SLOPE)
+    """Whether states of the reference that are no pose may change with the turning rate ω, and jump where it does.
+
+    Then the rates read its slope; or ω stands there in another way than as ω u0 g(x), as of a method without timing
+    it could for what such a state does.
+    """
+    return dynamics.depends_on(TURN_RATE_SLOPE) or not turns_by_timing_alone(dynamics)
 
 
 def broken_joint(dynamics: Symbolic, before: Piece, after: Piece) -> str:
@@ -31,8 +34,7 @@ def broken_joint(dynamics: Symbolic, before: Piece, after: Piece) -> str:
     """
     if before.end_speed != after.speed[0]:
         return "speed"
-    turns = evaluate(before.turn_rate, before.duration) != after.turn_rate[0]
-    return "turning rate" if turns and follows_turning(dynamics) else ""
+    return "turning rate" if jumps_in_turning(before, after) and follows_turning(dynamics) else ""
 
 
 def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -> bool:
@@ -59,9 +61,6 @@ def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Pie
     """That an unknown vehicle's pose means along the path what it means, and nothing else of its reference jumps.
 
     What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfjax.check.body`).
-    Where the path changes, ω has to enter as ω u0 g(x) alone: anything else that ω does to the reference, which of a
-    method without timing could be written without u0, would jump with it.
-
     Raises:
         Broken: says what is not so.
     """
@@ -81,11 +80,6 @@ def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Pie
                 f"{where}: the {jumps} jumps, and with it states of a vehicle that is none of "
                 f"{', '.join(KNOWN_VEHICLES)}"
             )
-    if not turns_by_timing_alone(dynamics):
-        raise Broken(
-            "vehicle: along a path whose speed or curvature changes, the turning rate has to enter as turning rate "
-            "times u0 g(x); by the dynamics in the file it does not"
-        )
 
 
 def _require_one_angle(vehicle: VehicleClaim, dynamics: Symbolic) -> None:

@@ -15,8 +15,18 @@ from flint import acb, acb_series, arb, arb_poly, fmpq, fmpq_poly
 
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.displacement import along_arc, along_curve, series
-from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate, integral, is_nonnegative, shifted
-from cfjax.check.tube import Range, TubeClaim
+from cfjax.check.polynomial import (
+    Coefficients,
+    bernstein,
+    derivative,
+    difference,
+    evaluate,
+    integral,
+    is_nonnegative,
+    product,
+    shifted,
+)
+from cfjax.check.tube import Range, SmoothTube, TubeClaim
 
 
 class Spread(NamedTuple):
@@ -120,15 +130,23 @@ class Piece:
         """The quantity as a quotient of polynomials."""
         if quantity == "curvature":
             return self.turn_rate, self.speed
+        if quantity == "curvature_rate":  # of ω/v along θ
+            turning, moving = derivative(self.turn_rate), derivative(self.speed)
+            above = difference(product(turning, self.speed), product(self.turn_rate, moving))
+            return above, product(self.speed, self.speed)
         return (self.speed if quantity == "speed" else derivative(self.speed)), (fmpq(1),)
 
     def inside(self, tube: CertifiedTube | TubeClaim) -> bool:
-        """Whether speed, curvature and acceleration stay inside the tube's intervals all along: decided exactly."""
+        """Whether speed, curvature and acceleration stay inside the tube's intervals all along: decided exactly.
+
+        So does the rate of the curvature where the tube bounds it.
+        """
         # speed first: it is positive where the curvature's inequality is used
         return (
             self._inside("speed", self._speeds, tube.speed)
             and self._inside("curvature", self._curvatures, tube.curvature)
             and self._inside("acceleration", self._accelerations, tube.acceleration)
+            and (not isinstance(tube, SmoothTube) or self._inside("curvature_rate", None, tube.curvature_rate))
         )
 
     def _inside(self, quantity: str, spread: Spread | None, interval: Range) -> bool:
@@ -189,6 +207,16 @@ def are_steady(pieces: Sequence[Piece]) -> bool:
     return all(
         piece.is_constant and (piece.turn_rate, piece.speed) == (first.turn_rate, first.speed) for piece in pieces
     )
+
+
+def turning_jumps(pieces: Sequence[Piece]) -> bool:
+    """Whether the turning rate does between two of them that follow each other."""
+    return any(jumps_in_turning(one, other) for one, other in itertools.pairwise(pieces))
+
+
+def jumps_in_turning(before: Piece, after: Piece) -> bool:
+    """Whether the turning rate is another one where the second piece begins than where the first one ends."""
+    return evaluate(before.turn_rate, before.duration) != after.turn_rate[0]
 
 
 def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> list[Piece]:

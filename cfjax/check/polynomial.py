@@ -72,6 +72,16 @@ def _has_simple_root(control: list[fmpq]) -> bool:
     return False
 
 
+def product(first: Sequence[fmpq], second: Sequence[fmpq]) -> Coefficients:
+    """Of two polynomials."""
+    return tuple((fmpq_poly(list(first)) * fmpq_poly(list(second))).coeffs()) or (fmpq(0),)
+
+
+def difference(first: Sequence[fmpq], second: Sequence[fmpq]) -> Coefficients:
+    """The first less the second."""
+    return tuple((fmpq_poly(list(first)) - fmpq_poly(list(second))).coeffs()) or (fmpq(0),)
+
+
 def evaluate(coefficients: Sequence[fmpq], at: fmpq) -> fmpq:
     """Its value there."""
     result = fmpq(0)

@@ -30,13 +30,20 @@ from cfjax.check.document import (
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfjax.check.meaning import require_meaning
-from cfjax.check.piece import between
+from cfjax.check.piece import between, turning_jumps
 from cfjax.check.program import CellProof
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, is_closed
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import TubeClaim, is_mirrored, place_of, require_tube_structure
+from cfjax.check.tube import (
+    SmoothTube,
+    TubeClaim,
+    is_mirrored,
+    place_of,
+    require_affine_reference,
+    require_tube_structure,
+)
 
 
 MOST_EFFORT = 32 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
@@ -161,8 +168,8 @@ def _prove_decrease(
         raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
     if isinstance(segment, TubeClaim) and (funnel.rate != 0 or per_metre is None):
         raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
-    if isinstance(segment, SegmentClaim) and not segment.is_steady:
-        # the curvature may jump from piece to piece, where no stretch sees it: the deviation must not
+    if isinstance(segment, SegmentClaim) and turning_jumps(segment.pieces):
+        # from piece to piece, where no stretch sees it: the deviation must not
         require_tube_structure(dynamics)
     begin = fmpq(0)
     for stretch in hints.stretches:
@@ -202,6 +209,9 @@ def extremes_of(
         Broken: the vehicle's dynamics are not of the form in which a few speak for all.
     """
     if bounds.is_single:
+        return bounds.extremes()
+    if isinstance(bounds, SmoothTube):
+        require_affine_reference(dynamics)
         return bounds.extremes()
     require_tube_structure(dynamics)
     return bounds.extremes(is_mirrored(dynamics, states, inputs, shape, bounds))

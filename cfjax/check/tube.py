@@ -15,13 +15,20 @@ x, with G = ∇V · g(x) and H = ∇V · h(x):
 
 So it is enough that for each pair of ends of κ and a and each x there is one input u(x) with V̇ ≤ −m at both ends of v.
 
-If moreover the dynamics have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal matrices M and N
+A stretch of a path whose curvature does not jump has bounds of κ' = dκ/dθ too (`SmoothTube`). Then it is enough that f
+is affine in each of κ, v, a and κ' by itself, ω' being κ' v + κ a: so is V̇ at fixed x and u, and one input u(x) that
+does at all vertices of the box does everywhere in it. This is what is left to a vehicle whose states beside the pose
+change with curvature, as a steering angle does: that form is no (*). It costs more, as one input has to do for all
+references, and the box is to be small: stretches are short.
+
+If moreover the dynamics of (*) have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal matrices M and N
 of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of κ is enough.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import comb
 
 from flint import fmpq, fmpq_mpoly
 
@@ -96,15 +103,41 @@ class TubeClaim:
         ]
 
 
+@dataclass(frozen=True)
+class SmoothTube(TubeClaim):
+    """Those of a tube's paths whose curvature does not jump, and changes within bounds: dκ/dθ, 1/(m s)."""
+
+    curvature_rate: Range
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it holds one reference alone."""
+        return super().is_single and self.curvature_rate == (0, 0)
+
+    def extremes(self, mirrored: bool = False) -> list[Extreme]:
+        """The vertices of its box; signs, and with them the one input of all, are read in its middle."""
+        del mirrored  # each is needed: their input is one and the same
+
+        def profile(kappa: fmpq, v: fmpq, a: fmpq, kappa_rate: fmpq) -> dict[str, fmpq]:
+            slope = kappa_rate * v + kappa * a
+            return {"turn_rate": kappa * v, "speed": v, "turn_rate_slope": slope, "speed_slope": a}
+
+        box = self.curvature, self.speed, self.acceleration, self.curvature_rate
+        nominal = profile(*((lower + upper) / 2 for lower, upper in box))
+        return [Extreme(nominal, profile(*vertex)) for vertex in product(*map(_ends, box))]
+
+
 def place_of(extremes: Sequence[Extreme], index: int) -> str:
     """Which reference is spoken of, in words; nothing where there is but one."""
     if len(extremes) == 1:
         return ""
     profile = extremes[index].profile
     curvature = profile["turn_rate"] / profile["speed"]
+    changing = (profile["turn_rate_slope"] - curvature * profile["speed_slope"]) / profile["speed"]
     return (
         f"curvature {about(curvature)} 1/m, speed {about(profile['speed'])} m/s, "
         f"acceleration {about(profile['speed_slope'])} m/s^2, "
+        + (f"curvature rate {about(changing)} 1/(m s), " if profile["turn_rate_slope"] else "")
     )
 
 
@@ -132,6 +165,53 @@ def require_tube_structure(dynamics: Symbolic) -> None:
             for name, label in ((TURN_RATE, "turning rate"), (SPEED_SLOPE, "acceleration")):
                 if where[name] in outside and outside != {where[name]: 1, timing: 1}:
                     raise Broken(f"vehicle: a tube needs dynamics in which the {label} enters as {label} times u0 g(x)")
+
+
+def has_tube_structure(dynamics: Symbolic) -> bool:
+    """Whether the dynamics have the form (*)."""
+    try:
+        require_tube_structure(dynamics)
+    except Broken:
+        return False
+    return True
+
+
+def require_affine_reference(dynamics: Symbolic) -> None:
+    """Raises Broken unless the rates are affine in each of κ, v, a and κ' by itself, for ω = κ v and ω' = κ' v + κ a.
+
+    The reference's speed may be divided by, as where a steering angle is that of the curvature ω/v.
+    """
+    where = {name: index for index, name in enumerate(dynamics.names)}
+    reference = [where[name] for name in (TURN_RATE, SPEED, TURN_RATE_SLOPE, SPEED_SLOPE)]
+    inverses: dict[int, tuple[int, fmpq]] = {}  # of c times a power of v: the power, and 1/c
+    for index, (function, argument) in dynamics.functions.items():
+        (support, factor), *more = [*_terms(argument), ({}, fmpq(0))]
+        if function == "inv" and support.keys() == {where[SPEED]} and more == [({}, fmpq(0))]:
+            inverses[index] = support[where[SPEED]], 1 / fmpq(factor)
+        elif any({*reference, *inverses} & set(support) for support, _ in _terms(argument)):
+            raise Broken(
+                f"vehicle: along a path whose curvature changes, its dynamics may apply {function} to states alone, "
+                "and divide by the reference's speed"
+            )
+    for rate in dynamics.rates:
+        dynamics.domain.budget.spend(16 * len(rate))
+        found: dict[tuple, fmpq] = {}
+        for support, coefficient in _terms(rate):
+            turn, speed, slope, acceleration = (support.get(index, 0) for index in reference)
+            over, value = speed + turn, fmpq(coefficient)
+            for index in inverses.keys() & support.keys():
+                power, factor = inverses[index]
+                over, value = over - power * support[index], value * factor ** support[index]
+            others = tuple(item for item in support.items() if item[0] not in {*reference, *inverses})
+            for k in range(slope + 1):  # the terms of (κ' v + κ a) to this power
+                powers = (turn + k, over + slope - k, acceleration + k, slope - k)
+                key = (others, powers)
+                found[key] = found.get(key, fmpq(0)) + comb(slope, k) * value
+        if any(total != 0 and not all(0 <= power <= 1 for power in powers) for (_, powers), total in found.items()):
+            raise Broken(
+                "vehicle: along a path whose curvature changes, its dynamics have to be affine in the reference's "
+                "curvature, in the rate at which that changes, in speed and in acceleration"
+            )
 
 
 def is_mirrored(

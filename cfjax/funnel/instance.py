@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from cfjax.funnel.template import Template
 from cfjax.problem import Path, Problem, ReferencePoint, Segment, Tube, disc_centres, distances, mirror_signs
-from cfjax.problem.vehicle import Scalar
+from cfjax.problem.vehicle import Interval, Scalar
 
 
 PLACES = 129  # along a segment that varies
@@ -35,11 +35,15 @@ class Unit(enum.Enum):
 
 
 class Stretch(NamedTuple):
-    """Part of a segment, θ from begin to end (s), as the set of references within bounds that hold there."""
+    """Part of a segment, θ from begin to end (s), as the set of references within bounds that hold there.
+
+    With bounds of the curvature's rate (dκ/dθ, 1/(m s)) one input has to do for all of them (`cfjax.check.tube`).
+    """
 
     begin: float
     end: float
     bounds: Tube
+    curvature_rate: Interval | None = None
 
 
 class Clearance(NamedTuple):
@@ -182,8 +186,10 @@ def _stations(
     """Begin and end (s, 2), extreme references (s, groups, members, 4) and nominal ones (s, groups, 4)."""
     if stretches:
         places = np.array([(stretch.begin, stretch.end) for stretch in stretches])
-        references = _extremes([stretch.bounds for stretch in stretches])
-        return places, references, references[:, :, -1]  # the fastest of each group
+        bounds = [stretch.bounds for stretch in stretches]
+        rates = [stretch.curvature_rate for stretch in stretches if stretch.curvature_rate]
+        references = _vertices(bounds, rates) if rates else _extremes(bounds)
+        return places, references, references[:, :, -1]  # the fastest of each group, or the middle of its box
     if isinstance(segment, Tube) or segment.is_steady:
         places = np.array([[0.0, duration]])
         return places, np.array([segment.references()], float), np.array([segment.nominal()], float)
@@ -204,6 +210,16 @@ def _extremes(bounds: Sequence[Tube]) -> np.ndarray:
     columns = (curvature * speed, speed, np.zeros(1), acceleration)
     points = np.stack(np.broadcast_arrays(*(column + 0 * curvature * acceleration * speed for column in columns)), -1)
     return points.reshape(len(bounds), -1, speed.shape[-1], len(ReferencePoint._fields))
+
+
+def _vertices(bounds: Sequence[Tube], rates: Sequence[Interval]) -> np.ndarray:
+    """Of smooth stretches: the vertices of their boxes in one group (s, 1, members, 4), their middles last."""
+    boxes = [(own.curvature, own.speed, own.acceleration, rate) for own, rate in zip(bounds, rates, strict=True)]
+    corners = [[*itertools.product(*((side.lower, side.upper) for side in box))] for box in boxes]
+    middles = [tuple(side.middle for side in box) for box in boxes]
+    points = np.array([[*own, middle] for own, middle in zip(corners, middles, strict=True)])
+    kappa, v, a, kappa_rate = np.moveaxis(points, -1, 0)
+    return np.stack([kappa * v, v, kappa_rate * v + kappa * a, a], axis=-1)[:, None]
 
 
 def _clearance(problem: Problem, kind: int) -> Clearance:

@@ -248,14 +248,7 @@ def test_an_error_of_the_pose_in_a_band_is_one_whose_level_is_told() -> None:
 def test_files_that_show_less_or_nothing(case: Callable[[str], Case]) -> None:
     own = case("steady pf")
     report = check_document(own.document)
-
-    def answer(change: Callable[[dict], Any]) -> tuple[Outcome, str]:
-        copied = copy.deepcopy(own.hints)
-        change(copied)
-        copied["hash"] = document_hash(copied)
-        found = check_robustness(report, own.document, copied)
-        return found.outcome, found.message
-
+    answer = partial(answer_to, report=report, document=own.document, hints=own.hints)
     assert "for every curvature and acceleration of the tube at once" in own.report.message
     assert "whatever curvature and acceleration do meanwhile" in own.report.message
     outcome, message = answer(lambda h: h["funnels"][0][0].update(end="3/2"))

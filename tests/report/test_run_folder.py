@@ -13,10 +13,13 @@ import pytest
 from flint import fmpq
 
 from cfjax.check import Outcome, Report, check_file
+from cfjax.check.robustness import Absorbed as ProvenAmounts
+from cfjax.check.robustness import Robustness
+from cfjax.check.tube import TubeClaim
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.problem import Interval, Tube
-from cfjax.report.run_folder import Check, read_run, write_run
+from cfjax.report.run_folder import Check, confirmed, read_run, write_run
 from cfjax.result import Result, SegmentResult, StretchMargin
 from cfjax.verdict import Verdict
 from tests.shapes import eight, slalom
@@ -156,6 +159,30 @@ def test_a_path_held_by_tubes_is_read_as_it_was_written(hand_made: Make, tmp_pat
     assert data["margin_per_metre"] == 0.25
     for mine, theirs in zip(read_run(tmp_path).segments, written.segments, strict=True):
         assert replace(mine, funnel=theirs.funnel) == replace(theirs, margin_certified=RATIONAL)
+
+
+def test_along_tubes_the_law_asks_for_what_the_checker_proved(hand_made: Make, tmp_path: Path) -> None:
+    """Whatever result.json says of it: a law that asks for less is another one than that of which a period is proven."""
+    claimed = hand_made(problem_of(preset("oval")), **CLAIMS)
+    funnel = replace(claimed.segments[0].funnel, rate=0.0, duration=math.inf)
+    narrow = Tube(curvature=Interval(0.0, 0.1), speed=Interval(1.0, 1.0), acceleration=Interval(0.0, 0.0))
+    one = SegmentResult(funnel, 0.5, reference=narrow, along=narrow, span=(0.0, 9.6875))
+    still = fmpq(0), fmpq(0)
+    bounds = TubeClaim((fmpq(1, 4), fmpq(2)), (fmpq(1), fmpq(1)), still)
+    none = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
+    proven = Robustness(none, fmpq(1), none, fmpq(1), (), along=(bounds,))
+
+    def check(path: Path) -> Report:
+        return Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),), robustness=proven)
+
+    write_run(claimed.replace(segments=(one,)), tmp_path, yaml_of(preset("oval")), check=check)
+    read = read_run(tmp_path)
+    assert read.segments[0].along == narrow
+    sure = confirmed(read, tmp_path, check)
+    assert sure.segments[0].along == Tube(Interval(0.25, 2.0), Interval(1.0, 1.0), Interval(0.0, 0.0))
+    assert sure.robustness is not None and sure.robustness.alone.period <= 0.001
+    unsaid = confirmed(read, tmp_path, lambda path: replace(check(path), robustness=None))
+    assert unsaid.robustness is None
 
 
 def test_reference_samples_the_path_at_full_precision(hand_made: Make, tmp_path: Path) -> None:
