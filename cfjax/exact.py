@@ -81,8 +81,8 @@ def stated(segment: Segment) -> StatedSegment:
 def exact_reference(segments: Sequence[StatedSegment], turn_rate_after: fmpq | None = None) -> Reference:
     """The reference that a chain of segments states.
 
-    Speed is made continuous by the constant terms of later pieces, and so is the turning rate where it jumps by rounding
-    alone; poses by integrating from the first one.
+    Speed is made continuous by the constant terms of later pieces, and so is the turning rate where it jumps by
+    rounding alone; poses by integrating from the first one.
 
     Raises:
         ValueError: where the speed jumps by more than 1e-9 m/s, or a later segment does not start (1e-6 rad, 1e-6 m)

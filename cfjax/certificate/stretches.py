@@ -162,7 +162,7 @@ def _is_constant(parts: Sequence[Piece]) -> bool:
     return all(part.speed == parts[0].speed for part in parts) and len(parts[0].speed) == 1
 
 
-def _sampled(part: Piece) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _sampled(part: Piece) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Speed, turning rate, acceleration and the turning rate's slope along a piece."""
     t = np.linspace(0.0, float(part.duration), SAMPLES)
     turn, speed = (np.polynomial.Polynomial([float(c) for c in cs]) for cs in (part.turn_rate, part.speed))

@@ -54,6 +54,20 @@ def turns_by_timing_alone(dynamics: Symbolic) -> bool:
     )
 
 
+def slopes_by_timing_alone(dynamics: Symbolic) -> bool:
+    """Whether ω' and v_r' stand nowhere but in products with u0, as in what states of a reference do while θ goes on.
+
+    A state that follows one of these instead, and jumps where it does, shows by a term without u0.
+    """
+    timing, slopes = dynamics.names.index(TIMING), {TURN_RATE_SLOPE, SPEED_SLOPE}
+    if any(_holds(argument, _depending(dynamics, slopes)) for _, argument in dynamics.functions.values()):
+        return False
+    indices = {dynamics.names.index(name) for name in slopes}
+    with_them = (powers for rate in dynamics.rates for powers in rate.to_dict() if any(int(powers[i]) for i in indices))
+    of_timing = _depending(dynamics, {TIMING}) - {timing}
+    return all(int(powers[timing]) == 1 and not any(int(powers[i]) for i in of_timing) for powers in with_them)
+
+
 def is_a_body(dynamics: Symbolic, states: Sequence[str]) -> bool:
     """Whether the rates have the form above, exactly."""
     beside = _beside_the_turning(dynamics, states)

@@ -351,6 +351,16 @@ class Terms:
         return dict(zip(self.states, widths, strict=True)) | values
 
     @cached_property
+    def least(self) -> dict[str, fmpq]:
+        """Of parameters whose interval does not hold zero: how small they are at most."""
+        ends = {name: sorted(map(abs, limits)) for name, limits in self.parameters.items() if limits[0] * limits[1] > 0}
+        return {name: smallest for name, (smallest, _) in ends.items()}
+
+    def size(self, polynomial: fmpq_mpoly) -> fmpq:
+        """|polynomial| at most."""
+        return self.dynamics.size(polynomial, self.sizes, self.least)
+
+    @cached_property
     def spare(self) -> fmpq:
         """What V̈/σ may be above its largest value at a vertex beside a steady reference."""
         linear = {name for asked in self.jumps for name in (asked, asked.replace(ASKED, REFERENCE))}
@@ -377,7 +387,7 @@ class Terms:
         """|∇q · direction|."""
         gradient = (2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in range(len(self.shape)))
         each = zip(gradient, direction, strict=True)
-        return sum((size * self.dynamics.size(entry, self.sizes) for size, entry in each), fmpq(0))
+        return sum((size * self.size(entry) for size, entry in each), fmpq(0))
 
     def rest(self, name: str) -> fmpq:
         """How negative the coefficient of the parameter's square in V̈/σ can be: ∇q·(∂b/∂x) b, b = ∂f/∂(parameter).
@@ -399,11 +409,11 @@ class Terms:
     def _rest_apart(self, b: Sequence[fmpq_mpoly]) -> fmpq:
         """The same of u0², where b(r) and b(r') differ: 2 b(r)ᵀC b(r') ≥ −½ (b(r) − b(r'))ᵀC (b(r) − b(r'))."""
         dynamics, each = self.dynamics, range(len(b))
-        size = [dynamics.size(entry, self.sizes) for entry in b]
+        size = [self.size(entry) for entry in b]
         gradient = [2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in each]
         turned = sum(
             (
-                gradient[i] * dynamics.size(dynamics.derivative(b[i], state), self.sizes) * size[j]
+                gradient[i] * self.size(dynamics.derivative(b[i], state)) * size[j]
                 for i in each
                 for j, state in enumerate(self.states)
             ),
@@ -412,7 +422,7 @@ class Terms:
         apart = [
             sum(
                 (
-                    width * dynamics.size(dynamics.derivative(entry, name.replace(ASKED, REFERENCE)), self.sizes)
+                    width * self.size(dynamics.derivative(entry, name.replace(ASKED, REFERENCE)))
                     for name, width in self.jumps.items()
                 ),
                 fmpq(0),

@@ -8,7 +8,7 @@ curvature does, has to follow from them, or is said to be taken for granted.
 from collections.abc import Sequence
 from itertools import pairwise
 
-from cfjax.check.body import is_a_body, looks_at_one_angle, turns_by_timing_alone
+from cfjax.check.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
 from cfjax.check.document import Course, ProblemClaim, VehicleClaim
 from cfjax.check.piece import Piece, are_steady, jumps_in_turning
 from cfjax.check.rational import about
@@ -61,6 +61,9 @@ def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Pie
     """That an unknown vehicle's pose means along the path what it means, and nothing else of its reference jumps.
 
     What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfjax.check.body`).
+    Other states of the reference go with speed and turning rate; the rates of these, which may jump at any time, have
+    to enter as they do of such states.
+
     Raises:
         Broken: says what is not so.
     """
@@ -71,6 +74,11 @@ def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Pie
     if are_steady(pieces):
         return
     _require_one_angle(vehicle, dynamics)
+    if not slopes_by_timing_alone(dynamics):
+        raise Broken(
+            "vehicle: along a path whose speed or curvature changes, the rates at which they do have to enter times "
+            "u0; by the dynamics in the file they do not"
+        )
     for one, other in pairwise(pieces):
         if jumps := broken_joint(dynamics, one, other):
             where = f"in segment {one.segment}"

@@ -592,8 +592,9 @@ def _profile(part: Piece) -> dict[str, Coefficients]:
 def _jump(before: Piece, after: Piece, found: Sequence[_Sizes]) -> fmpq:
     """By how much V̇ jumps where one piece follows another one.
 
-    What jumps is turning rate and acceleration, and what V̇ gains with these depends on states and inputs alone
-    (`cfjax.check.tube`): it is bounded whatever else of the reference is to either side of the joint.
+    Where the turning rate jumps, what V̇ gains with it and with acceleration depends on states and inputs alone
+    (`cfjax.check.tube`): it is bounded whatever else of the reference is to either side of the joint. Else acceleration
+    and the turning rate's slope jump: one after the other, each at what the other one is on one of the two sides.
     """
     ends = {name: evaluate(values, before.duration) for name, values in _profile(before).items()}
     starts = {name: values[0] for name, values in _profile(after).items()}

@@ -6,6 +6,8 @@ properties that hold whatever the numbers are (`cfjax.check.tube`).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import prod
+from types import MappingProxyType
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
@@ -72,10 +74,13 @@ class Symbolic:
                 total = self.domain.sum(total, slope if sign > 0 else self.domain.negative(slope))
         return total
 
-    def size(self, polynomial: fmpq_mpoly, sizes: Mapping[str, fmpq]) -> fmpq:
+    def size(
+        self, polynomial: fmpq_mpoly, sizes: Mapping[str, fmpq], least: Mapping[str, fmpq] = MappingProxyType({})
+    ) -> fmpq:
         """A rational that is at least |polynomial| where every named quantity is at most its size.
 
-        |sin| and |cos| are at most 1, a square root is at most that of its argument's size.
+        |sin| and |cos| are at most 1, a square root is at most that of its argument's size; one over a product of
+        quantities is bounded where there is a number above zero for each of them in `least`, below which it never is.
 
         Raises:
             ValueError: the polynomial has another function in it.
@@ -90,15 +95,21 @@ class Symbolic:
                 if index < len(self.names):
                     term *= sizes[self.names[index]] ** power
                 else:
-                    term = term * self._largest(index, sizes) ** power if term else term
+                    term = term * self._largest(index, sizes, least) ** power if term else term
             total += term
         return total
 
-    def _largest(self, index: int, sizes: Mapping[str, fmpq]) -> fmpq:
+    def _largest(self, index: int, sizes: Mapping[str, fmpq], least: Mapping[str, fmpq]) -> fmpq:
         """A rational that is at least the size of the function with this index."""
         function, argument = self.functions[index]
         if function == "sqrt":
-            return sqrt_upper(self.size(argument, sizes))
+            return sqrt_upper(self.size(argument, sizes, least))
+        if function == "inv" and len(argument) == 1:
+            ((exponents, coefficient),) = argument.to_dict().items()
+            powers = {index: power for index, power in enumerate(map(int, exponents)) if power}
+            if all(index < len(self.names) and least.get(self.names[index], 0) > 0 for index in powers):
+                factors = (least[self.names[index]] ** power for index, power in powers.items())
+                return 1 / prod(factors, start=abs(fmpq(coefficient)))
         if function not in DERIVATIVES:
             raise ValueError(f"no bound is known of {function}")
         return fmpq(1)

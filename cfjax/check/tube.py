@@ -21,8 +21,9 @@ does at all vertices of the box does everywhere in it. This is what is left to a
 change with curvature, as a steering angle does: that form is no (*). It costs more, as one input has to do for all
 references, and the box is to be small: stretches are short.
 
-If moreover the dynamics of (*) have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal matrices M and N
-of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of κ is enough.
+If moreover dynamics of the form (*) have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal
+matrices M and N of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of
+κ is enough.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -137,7 +138,11 @@ def place_of(extremes: Sequence[Extreme], index: int) -> str:
     return (
         f"curvature {about(curvature)} 1/m, speed {about(profile['speed'])} m/s, "
         f"acceleration {about(profile['speed_slope'])} m/s^2, "
-        + (f"curvature rate {about(changing)} 1/(m s), " if profile["turn_rate_slope"] else "")
+        + (
+            f"curvature rate {about(changing)} 1/(m s), "
+            if any(each.profile["turn_rate_slope"] for each in extremes)
+            else ""
+        )
     )
 
 

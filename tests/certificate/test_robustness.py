@@ -38,7 +38,19 @@ from cfjax.errors import InputError
 from cfjax.falsifier import first_escape
 from cfjax.funnel import Funnel, template_named
 from cfjax.options import Options, check_question
-from cfjax.problem import Method, Path, Pose, Problem, Profile, ReferencePoint, Segment, ball, deviation_rate
+from cfjax.problem import (
+    KinematicBicycle,
+    Method,
+    Path,
+    Pose,
+    Problem,
+    Profile,
+    ReferencePoint,
+    Segment,
+    ball,
+    deviation_rate,
+)
+from tests.check.vehicles import Cart
 
 
 DURATION, SAMPLES = 2.0, 20_000
@@ -50,19 +62,30 @@ BEND = np.array(
         [0.207919, -0.119166, -0.218095, 1.13316],
     ]
 )
-CASES = (("circle pf contracting", 1), ("straight pf paper", 1), ("bend tt contracting", 1))
+CASES = (
+    ("circle pf contracting", 1),
+    ("straight pf paper", 1),
+    ("bend tt contracting", 1),
+    ("bend tt of a cart", 2),
+)
 
 
 @pytest.fixture(scope="module")
 def case(candidate: Callable[..., tuple[Problem, Funnel]]) -> Callable[[str], tuple[Problem, Funnel]]:
-    """A problem and a funnel by name; the bend has a curvature that changes fast, and a speed that grows."""
+    """A problem and a funnel by name; the bend has a curvature that changes fast, and a speed that grows.
+
+    That of a cart, whose steering is a state, has one speed.
+    """
 
     def make(name: str) -> tuple[Problem, Funnel]:
         if not name.startswith("bend"):
             return candidate(*name.split())
         turn = Profile((0.0, DURATION), ((0.0, 0.0, 2.0, -2.0, 0.5),))
-        segment = Segment(turn, Profile((0.0, DURATION), ((1.0, 0.2),)), Pose(0.0, 0.0, 0.0))
-        problem = Problem(Path("bend", (segment,)), inlet=ball(0.3), goal=ball(0.5), method=Method.TT)
+        speed = (0.8,) if "cart" in name else (1.0, 0.2)
+        segment = Segment(turn, Profile((0.0, DURATION), (speed,)), Pose(0.0, 0.0, 0.0))
+        vehicle = Cart() if "cart" in name else KinematicBicycle()
+        sets = {"inlet": ball(0.3), "goal": ball(0.5)}
+        problem = Problem(Path("bend", (segment,)), vehicle=vehicle, method=Method.TT, **sets)
         return problem, Funnel(template_named("contracting"), BEND, 0.3, DURATION)
 
     return make

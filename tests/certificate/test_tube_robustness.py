@@ -1,10 +1,9 @@
 """What a tube absorbs: bounds against V itself beside paths that jump, and attacks on the law that knows no path."""
 
-import copy
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +14,6 @@ from flint import fmpq
 from cfjax.certificate import certify
 from cfjax.certificate.robustness import robustness_document, speed_bands
 from cfjax.check import Outcome, check_document
-from cfjax.check.document import document_hash
 from cfjax.check.replay import check_robustness
 from cfjax.check.robustness import HORIZON, Absorbed, Rates, Robustness, _by_speed, absorbed, kept_level
 from cfjax.check.tube import TubeClaim
@@ -25,6 +23,7 @@ from cfjax.errors import InputError
 from cfjax.falsifier import first_escape
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Interval, Method, Problem, ReferencePoint, Tube, ball, circle, deviation_rate, tube
+from tests.certificate.changed import answer_to
 
 
 SAMPLES = 20_000

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.body import is_a_body, looks_at_one_angle, turns_by_timing_alone
+from cfjax.check.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
 from cfjax.check.graph import Graph, Node
 from cfjax.check.meaning import closes
 from cfjax.check.symbolic import symbolic
@@ -15,7 +15,7 @@ from cfjax.problem import KinematicBicycle, Vehicle, circle
 from experiments.vehicles.front_axle import FrontAxleCar
 from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
-from tests.check.vehicles import Crab, SeenAhead, Ship
+from tests.check.vehicles import Cart, Crab, SeenAhead, Ship
 
 
 def one_angle(graph: Graph, vehicle: Vehicle) -> bool:
@@ -97,14 +97,37 @@ def test_curvature_is_felt_through_the_timing_alone() -> None:
     assert not alone(trace_deviation(SteeredCar()), SteeredCar())
 
 
+def test_what_a_reference_does_by_its_slopes_it_does_as_theta_goes_on() -> None:
+    """A state that follows acceleration, or the slope of the turning rate, jumps where that does: a term without u0."""
+
+    def by_timing(graph: Graph, vehicle: Vehicle) -> bool:
+        return slopes_by_timing_alone(symbolic(graph, vehicle.state_names, ("u0", *vehicle.input_names)))
+
+    for vehicle in (KinematicBicycle(), Unicycle(), Ship(), Crab(), SteeredCar(), Cart()):
+        graph = trace_deviation(vehicle)
+        assert by_timing(graph, vehicle)
+        for slope in ("reference:turn_rate_slope", "reference:speed_slope"):
+            spoiled = graph if index_of(graph, slope, -1) >= 0 else with_input(graph, slope)
+            assert by_timing(added(3, slope, "input:u0", "x")(spoiled), vehicle)
+            for names in ((slope,), (slope, "x"), (slope, "input:u0", "input:u0"), (slope, slope)):
+                assert not by_timing(added(3, *names)(spoiled), vehicle)
+            assert not by_timing(added(2, slope, function="sin")(spoiled), vehicle)
+
+
+def with_input(graph: Graph, name: str) -> Graph:
+    """The graph, and one more of its inputs that nothing reads."""
+    return Graph((*graph.nodes, Node("input", name=name)), graph.outputs)
+
+
 def test_no_pose_no_angle() -> None:
     dynamics = symbolic(trace_deviation(Unicycle()), Unicycle().state_names, ("u0", "turn", "thrust"))
     assert looks_at_one_angle(dynamics, Unicycle().state_names)
     assert not looks_at_one_angle(dynamics, ("a", "x", "y", "v"))
 
 
-def index_of(graph: Graph, name: str) -> int:
-    return next(index for index, node in enumerate(graph.nodes) if node.name == name)
+def index_of(graph: Graph, name: str, missing: int | None = None) -> int:
+    found = (index for index, node in enumerate(graph.nodes) if node.name == name)
+    return next(found) if missing is None else next(found, missing)
 
 
 def added(output: int, *names: str, function: str = "") -> Callable[[Graph], Graph]:

@@ -348,7 +348,7 @@ def test_obstacles_need_a_vehicle_with_a_meaning(lap: Document) -> None:
     assert (
         "those of a body whose reference looks along the path, and what else it has of states depends" in report.message
     )
-    slope_enters(lap)  # whatever moves so is no body
+    slope_enters(lap, 1)  # whatever moves so is no body
     assert "obstacles are cleared by bodies that look along the path only" in checked(lap).message
     sets(lap)["obstacles"], lap["proofs"]["clearance"] = [], []
     assert checked(lap).outcome is Outcome.PROVEN
@@ -363,13 +363,15 @@ def test_a_tube_clears_no_obstacle(tube_text: str) -> None:
     assert "a tube has no place" in report.message
 
 
-def slope_enters(document: Document) -> None:
-    """Another vehicle: x is driven by the slope of the turning rate too, which proofs read as zero."""
+def slope_enters(document: Document, output: int = 3) -> None:
+    """Another vehicle, whose reference has a state that goes with the turning rate: no tube's proof reads its slope."""
     vehicle = document["problem"]["vehicle"]
     vehicle["name"] = "other"
     nodes, outputs = vehicle["dynamics"]["nodes"], vehicle["dynamics"]["outputs"]
-    nodes += [["input", "reference:turn_rate_slope"], ["add", outputs[1], len(nodes)]]
-    outputs[1] = len(nodes) - 1
+    slope = len(nodes)
+    nodes += [["input", "reference:turn_rate_slope"], ["input", "input:u0"], ["mul", slope, slope + 1]]
+    nodes += [["sub", outputs[output], slope + 2]]
+    outputs[output] = len(nodes) - 1
 
 
 def test_curvature_must_not_jump_under_a_vehicle_whose_reference_then_jumps() -> None:
@@ -420,10 +422,14 @@ def test_states_that_nobody_knows_must_not_jump_between_segments(follows: bool, 
     _, second = path(document)["pieces"]
     for profile, by in jump.items():
         moved(second[profile], 0, by)
-    claim = read_problem(document["problem"])
-    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
     with pytest.raises(Broken, match=message) if message else contextlib.nullcontext():
-        require_meaning(claim, dynamics)
+        asked_of(document)
+
+
+def asked_of(document: Document) -> None:
+    """That the path may be asked about, for the dynamics in the file."""
+    claim = read_problem(document["problem"])
+    require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
 
 
 def seen_ahead(document: Document) -> None:
@@ -443,10 +449,8 @@ def test_a_reference_must_not_look_elsewhere_where_curvature_jumps(segments: int
         path(document)["pieces"][1]["segment"] = 1
         document["funnels"] *= 2
     seen_ahead(document)
-    claim = read_problem(document["problem"])
-    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
     with pytest.raises(Broken, match="along the path or at one angle"):
-        require_meaning(claim, dynamics)
+        asked_of(document)
 
 
 def test_a_tube_holds_no_reference_that_looks_elsewhere(tube_text: str) -> None:

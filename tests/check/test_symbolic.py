@@ -62,6 +62,24 @@ def test_a_derivative_without_a_symbol_is_refused() -> None:
         dynamics.derivative(dynamics.rates[0], "x")
 
 
+def test_one_over_a_product_is_bounded_where_its_factors_are_from_below() -> None:
+    nodes = (
+        Node("input", name="x"),
+        Node("input", name="reference:speed"),
+        Node("mul", (1, 1)),
+        Node("constant", value=fmpq(-3)),
+        Node("mul", (2, 3)),
+        Node("inv", (4,)),
+        Node("mul", (0, 5)),
+    )
+    dynamics = symbolic(Graph(nodes, (6,)), ("x",), ("u0",))
+    sizes, least = {"x": fmpq(5), "reference:speed": fmpq(4)}, {"reference:speed": fmpq(2)}
+    assert dynamics.size(dynamics.rates[0], sizes, least) == fmpq(5, 12)  # |x / (-3 v^2)| for 2 <= v <= 4
+    for unknown in ({}, {"reference:speed": fmpq(0)}, {"x": fmpq(1)}):
+        with pytest.raises(ValueError, match="no bound is known of inv"):
+            dynamics.size(dynamics.rates[0], sizes, unknown)
+
+
 def test_a_square_root_is_at_most_that_of_its_arguments_size() -> None:
     """√(x² − 3x) (1 − x) for |x| ≤ 2: term by term the argument is at most 10, the factor at most 3."""
     nodes = [

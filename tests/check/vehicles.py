@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from cfjax.problem import KinematicBicycle, Twist
+from cfjax.problem import Interval, KinematicBicycle, Twist, Vehicle
 from experiments.vehicles.unicycle import Unicycle
 
 
@@ -60,3 +60,29 @@ class Crab(Unicycle):
 
     def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
         return Twist(turn_rate, math.sin(self.angle) * speed, math.cos(self.angle) * speed), (speed,)
+
+
+@dataclass(frozen=True)
+class Cart(Vehicle):
+    """Its speed is an input and its steering a state: the reference's changes with the path's curvature."""
+
+    max_speed: float = 2.0  # m/s
+    max_rate: float = 8.0  # 1/s
+
+    name: ClassVar[str] = "cart"
+    internal_names: ClassVar[tuple[str, ...]] = ("w",)
+    input_names: ClassVar[tuple[str, ...]] = ("speed", "rate")
+
+    @property
+    def input_box(self) -> tuple[Interval, ...]:
+        return Interval(0.0, self.max_speed), Interval(-self.max_rate, self.max_rate)
+
+    def twist(self, internal: tuple, inputs: tuple) -> Twist:
+        (w,), (speed, _) = internal, inputs
+        return Twist(turn=speed * w, lateral=0.0, forward=speed)
+
+    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
+        return inputs[1:]
+
+    def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
+        return Twist(turn=turn_rate, lateral=0.0, forward=speed), (turn_rate / speed,)

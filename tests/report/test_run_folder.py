@@ -162,7 +162,7 @@ def test_a_path_held_by_tubes_is_read_as_it_was_written(hand_made: Make, tmp_pat
 
 
 def test_along_tubes_the_law_asks_for_what_the_checker_proved(hand_made: Make, tmp_path: Path) -> None:
-    """Whatever result.json says of it: a law that asks for less is another one than that of which a period is proven."""
+    """Whatever result.json says of it: a law that asks for less is not that of which a period is proven."""
     claimed = hand_made(problem_of(preset("oval")), **CLAIMS)
     funnel = replace(claimed.segments[0].funnel, rate=0.0, duration=math.inf)
     narrow = Tube(curvature=Interval(0.0, 0.1), speed=Interval(1.0, 1.0), acceleration=Interval(0.0, 0.0))
