@@ -5,10 +5,15 @@ import pkgutil
 from collections.abc import Callable
 from pathlib import Path
 
+import platformdirs
+from jaxtyping import install_import_hook
+
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-
-from jaxtyping import install_import_hook
+# programs that a command or another worker has compiled: they share the commands' cache (`prepare_environment`)
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(platformdirs.user_cache_path("cfjax") / "jax"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
 
 # Before the package is imported. The checker has no arrays, and millions of small calls on exact numbers: looking at

@@ -84,7 +84,7 @@ def test_a_unicycle_drives_along_points_in_a_tube(train: Callable[..., int], tmp
     points = np.stack([np.linspace(0, 6, 13), 0.3 * np.sin(np.linspace(0, 3, 13))], axis=1)
     np.savetxt(tmp_path / "points.csv", points, delimiter=",", header="x,y")
     own = ("vehicle=custom", f"vehicle.target={module}.Unicycle", "path.file=points.csv", "path.speed=1.0")
-    small = ("cars=20", "restarts=1", "rounds=1", "certificate=tube", "hydra.run.dir=here")
+    small = ("cars=20", "method=tt", "restarts=1", "rounds=1", "certificate=tube", "hydra.run.dir=here")
     assert train("+path=waypoints", "sets.inlet=0.3", "sets.goal=0.6", *own, *small) == 0
     folder = tmp_path / "here"
     result = json.loads((folder / "result.json").read_text())
@@ -194,7 +194,8 @@ def test_a_car_with_its_steering_as_a_state_is_certified(train: Callable[..., in
 def test_a_front_axle_is_certified_and_driven(train: Callable[..., int], tmp_path: Path) -> None:
     """Its body looks to the outside of the circle, its authority over V has terms beyond the identity's degree."""
     own = ("vehicle=custom", "vehicle.target=experiments.vehicles.front_axle.FrontAxleCar")
-    assert train("+path=circle", *own, "cars=50", "restarts=1", "rounds=1", "hydra.run.dir=here") == 0
+    small = ("cars=50", "method=tt", "restarts=1", "rounds=1", "hydra.run.dir=here")
+    assert train("+path=circle", *own, *small) == 0
     folder = tmp_path / "here"
     report = check_file(folder)
     assert report.outcome is Outcome.PROVEN and 'vehicle "front_axle_car"' in report.message
