@@ -66,7 +66,7 @@ class _Planner:
     problem: Problem
     segment: Segment
     funnel: Funnel
-    is_smooth: bool
+    is_smooth: bool = False
 
     def __post_init__(self) -> None:
         self.theta = np.linspace(0.0, self.segment.duration, CELLS + 1)

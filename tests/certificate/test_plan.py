@@ -141,6 +141,16 @@ def test_a_reference_that_stops_is_not_proven_but_no_bad_input(speed: tuple[floa
     assert "theta" in outcome.message
 
 
+def test_one_input_for_all_references_costs_more_the_longer_a_stretch_is(bend: tuple[Problem, Segment, Funnel]) -> None:
+    """Of a smooth stretch; of a place it is the input that is best there."""
+    each, one = (_Planner(*bend, is_smooth=is_smooth) for is_smooth in (False, True))
+    ends = np.array([1, 128, 512])
+    free, bound = each._margins(0, ends), one._margins(0, ends)
+    assert bound[0] == pytest.approx(free[0], rel=0.02)
+    assert (bound <= free + 1e-9).all() and bound[0] > bound[1] > bound[2]
+    assert bound[2] < free[2] - 0.02
+
+
 def test_a_margin_is_looked_for_once(bend: tuple[Problem, Segment, Funnel], monkeypatch: pytest.MonkeyPatch) -> None:
     problem, segment, funnel = bend
     planner = _Planner(problem, segment, funnel)
@@ -164,7 +174,10 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
     problem = replace(problem, path=Path("varying", (varying,)))
     asked: list[int] = []
 
-    def planned(problem: Problem, segment: Segment, funnel: Funnel, target: float, spare: float, most: int) -> Plan:
+    def planned(
+        problem: Problem, segment: Segment, funnel: Funnel, target: float, spare: float, most: int, is_smooth: bool
+    ) -> Plan:
+        assert not is_smooth
         asked.append(most)
         return Plan((CELLS,), 0.0)
 
