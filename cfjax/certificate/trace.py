@@ -19,6 +19,7 @@ from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
 PROFILE_INPUTS = ReferencePoint._fields
 BINARY = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
 UNARY = {"neg": "neg", "sin": "sin", "cos": "cos", "tan": "tan", "sqrt": "sqrt"}
+FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt}  # of a constant: a constant, as JAX has it
 TRANSPARENT = ("copy", "stop_gradient")
 CAST = "convert_element_type"
 POWERS = ("div", "integer_pow", "square")
@@ -119,6 +120,9 @@ class _Builder:
             return args
         if name in BINARY:
             return [self.add(Node(BINARY[name], tuple(args)))]
+        if name in FUNCTIONS and self.nodes[args[0]].value is not None:
+            with np.errstate(invalid="ignore"):  # what is not a number is refused as a constant
+                return [self.constant(FUNCTIONS[name](float(self.nodes[args[0]].value)))]
         if name in UNARY:
             return [self.add(Node(UNARY[name], tuple(args)))]
         if name in TRANSPARENT:

@@ -20,6 +20,7 @@ before has to end with V ≤ level (√(1 − ω − D' (h + τ)) − j)², leve
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
+from typing import NamedTuple
 
 from flint import fmpq
 
@@ -41,16 +42,28 @@ from cfjax.check.vehicle import KNOWN_VEHICLES
 FLOORS, STEP = 64, fmpq(15, 16)  # levels b at most, and from one to the next
 
 
+class Told(NamedTuple):
+    """What a law is told of a tube: λ (1/s), μ (1/m), β̲ and β_in as they are printed."""
+
+    margin: fmpq
+    margin_per_metre: fmpq
+    shell: fmpq
+    inner: fmpq
+
+    @classmethod
+    def of(cls, tube: CertifiedTube) -> "Told":
+        margins = (rational(decimal_text(value, ROUND_FLOOR)) for value in (tube.margin, tube.margin_per_metre))
+        levels = (rational(decimal_text(value, ROUND_CEILING)) for value in (tube.beta_lower, tube.beta_inner))
+        return cls(*margins, *levels)
+
+
 @dataclass(frozen=True)
 class HeldTube:
     """A tube with bounds over it along the path's runs there, in the path's units."""
 
     tube: CertifiedTube
     bounds: TubeClaim  # of the path along its runs
-    margin: fmpq  # λ and μ as they are told, 1/s and 1/m
-    margin_per_metre: fmpq
-    shell: fmpq  # β̲ and β_in as they are told
-    inner: fmpq
+    told: Told
     fastest: fmpq  # u0_hi of the whole path
     bands: tuple[Range, ...]  # speeds, m/s
     rates: tuple[Rates, ...]  # of each band
@@ -77,14 +90,14 @@ class HeldTube:
         for (slowest, _), rates in zip(self.bands, self.rates, strict=True):
             metres = self.fastest * (1 + steepest * self.fastest * late / slowest)
             costs.append((rates.spent(amounts) / slowest, metres))
-        steps, level = [], self.shell
+        steps, level = [], self.told.shell
         for _ in range(FLOORS):
-            asked = SHARE * self.margin_per_metre * level / self.shell
+            asked = SHARE * self.told.margin_per_metre * level / self.told.shell
             fall = min((asked - spent) / metres for spent, metres in costs)
             steps.append((dyadic(fall, up=False), dyadic(level + blurred + risen, up=True)))
-            if level == self.inner or fall <= 0:
+            if level == self.told.inner or fall <= 0:
                 break
-            level = max(dyadic(level * STEP, up=True), self.inner)
+            level = max(dyadic(level * STEP, up=True), self.told.inner)
         lost = self.bounds.speed[1] * self.fastest * late
         return Descent(dyadic(1 - blurred, up=True), dyadic(lost, up=True), tuple(steps))
 
@@ -138,19 +151,13 @@ def question_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: Tube
         as_scaled = known.reach(claim.parameters, known.scaled(problem.vehicle.parameters, length, speed))
         units = known.units(length, speed)
         inputs |= {name: (-limit / units[name], limit / units[name]) for name, limit in as_scaled.items()}
-    margin, per_metre = told_margins(tube)
+    margin, per_metre, *_ = Told.of(tube)
     return Question(
         problem=replace(problem, inputs=inputs),
         dynamics=symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(inputs)),
         along=bounds.scaled(1 / length, 1 / speed),
         funnel=replace(funnel, margin=margin * length / speed, margin_per_metre=per_metre * length),
     )
-
-
-def told_margins(tube: CertifiedTube) -> tuple[fmpq, fmpq]:
-    """λ (1/s) and μ (1/m) as they are printed."""
-    margin, per_metre = (rational(decimal_text(value, ROUND_FLOOR)) for value in (tube.margin, tube.margin_per_metre))
-    return margin, per_metre
 
 
 def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tuple[Robustness, tuple[HeldTube, ...]]:
@@ -210,24 +217,27 @@ def _held(
 ) -> HeldTube:
     """Bounds over a tube, proven in the units of its certificate."""
     length, speed = scale
-    shell, inner = (rational(decimal_text(level, ROUND_CEILING)) for level in (tube.beta_lower, tube.beta_inner))
+    told = Told.of(tube)
     bands = bands_of(question.along, hints.bands)
     rates = [
         tube_rates(
-            question.problem, question.dynamics, question.along, question.funnel, band, shell, stretch.pieces, effort
+            question.problem,
+            question.dynamics,
+            question.along,
+            question.funnel,
+            band,
+            told.shell,
+            stretch.pieces,
+            effort,
         )
         for band, stretch in zip(bands, hints.bands, strict=True)
     ]
-    margin, per_metre = told_margins(tube)
     known = KNOWN_VEHICLES.get(tube.vehicle)  # of others the scales are 1
     axes = known.axes(length, speed) if known else (fmpq(1),) * len(tube.states)
     return HeldTube(
         tube=tube,
         bounds=hints.bounds,
-        margin=margin,
-        margin_per_metre=per_metre,
-        shell=shell,
-        inner=inner,
+        told=told,
         fastest=timing[1],
         bands=tuple((low * speed, high * speed) for low, high in bands),
         rates=tuple(one.in_units(axes, speed / length) for one in rates),

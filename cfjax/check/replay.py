@@ -103,9 +103,9 @@ def _along_chain(document: dict, hints: object) -> tuple[tuple[str, ...], Robust
     read = read_chain_hints(hints, str(document["hash"]), len(claim.tubes), len(states))
     proven, held = prove_chain_robustness(claim, read)
     told = "; ".join(
-        f"tube {index}: lambda = {decimal_text(own.margin, ROUND_FLOOR)} 1/s, "
-        f"{decimal_text(own.margin_per_metre, ROUND_FLOOR)} per metre, shell from "
-        f"{decimal_text(own.shell, ROUND_CEILING)}, inner {decimal_text(own.inner, ROUND_CEILING)}, "
+        f"tube {index}: lambda = {decimal_text(own.told.margin, ROUND_FLOOR)} 1/s, "
+        f"{decimal_text(own.told.margin_per_metre, ROUND_FLOOR)} per metre, shell from "
+        f"{decimal_text(own.told.shell, ROUND_CEILING)}, inner {decimal_text(own.told.inner, ROUND_CEILING)}, "
         f"curvature in {_interval(own.bounds.curvature, ROUND_FLOOR, ROUND_CEILING)} 1/m, acceleration in "
         f"{_interval(own.bounds.acceleration, ROUND_FLOOR, ROUND_CEILING)} m/s^2"
         for index, own in enumerate(held)

@@ -190,10 +190,11 @@ def require_affine_reference(dynamics: Symbolic) -> None:
     reference = [where[name] for name in (TURN_RATE, SPEED, TURN_RATE_SLOPE, SPEED_SLOPE)]
     inverses: dict[int, tuple[int, fmpq]] = {}  # of c times a power of v: the power, and 1/c
     for index, (function, argument) in dynamics.functions.items():
-        (support, factor), *more = [*_terms(argument), ({}, fmpq(0))]
-        if function == "inv" and support.keys() == {where[SPEED]} and more == [({}, fmpq(0))]:
+        terms = list(_terms(argument))
+        if function == "inv" and len(terms) == 1 and terms[0][0].keys() == {where[SPEED]}:
+            ((support, factor),) = terms
             inverses[index] = support[where[SPEED]], 1 / fmpq(factor)
-        elif any({*reference, *inverses} & set(support) for support, _ in _terms(argument)):
+        elif any({*reference, *inverses} & set(support) for support, _ in terms):
             raise Broken(
                 f"vehicle: along a path whose curvature changes, its dynamics may apply {function} to states alone, "
                 "and divide by the reference's speed"

@@ -18,7 +18,7 @@ import cfjax
 from cfjax.certificate.robustness import robustness_document
 from cfjax.check import Outcome, Report, check_document
 from cfjax.check.chain import ChainClaim, SetsClaim, read_chain
-from cfjax.check.chain_robustness import HeldTube, _handed_over, prove_chain_robustness
+from cfjax.check.chain_robustness import HeldTube, Told, _handed_over, prove_chain_robustness
 from cfjax.check.held_hints import read_chain_hints
 from cfjax.check.rational import sqrt_lower, sqrt_upper
 from cfjax.check.reference import Gap
@@ -116,10 +116,7 @@ def by_hand(**changes: Any) -> HeldTube:
     values = {
         "tube": own,
         "bounds": TubeClaim(still, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(1))),
-        "margin": fmpq(1),
-        "margin_per_metre": fmpq(1),
-        "shell": fmpq(9, 10),
-        "inner": fmpq(1, 10),
+        "told": Told(fmpq(1), fmpq(1), shell=fmpq(9, 10), inner=fmpq(1, 10)),
         "fastest": fmpq(1),
         "bands": ((fmpq(1), fmpq(3, 2)), (fmpq(3, 2), fmpq(2))),
         "rates": (rates, replace(rates, bend=fmpq(600), decrease=SHARE * fmpq(3, 2))),
@@ -134,7 +131,7 @@ def worst_end(own: HeldTube, way: float, amounts: Absorbed, speed: float) -> flo
     whenever it looks, and as much higher in between as it can be.
     """
     rates = own.rates[0] if speed <= 1.5 else own.rates[1]
-    inner, shell, fastest = float(own.inner), float(own.shell), float(own.fastest)
+    inner, shell, fastest = float(own.told.inner), float(own.told.shell), float(own.fastest)
     period, delay = float(amounts.period), float(amounts.delay)
     disturbance, pose_error = (np.array(each, float) for each in (amounts.disturbance, amounts.pose_error))
     slopes, gradient = (np.array([float(value) for value in each]) for each in (rates.slopes, rates.gradient))
@@ -150,7 +147,7 @@ def worst_end(own: HeldTube, way: float, amounts: Absorbed, speed: float) -> flo
     gone = metres * (period + delay)  # until then inputs are another tube's
     while gone < way:
         taken = value + (before - value) * delay / period - unseen  # for V: a delay is shorter than a hold here
-        asked = float(SHARE) * float(own.margin_per_metre) * speed * min(1.0, taken / shell)
+        asked = float(SHARE) * float(own.told.margin_per_metre) * speed * min(1.0, taken / shell)
         change = (against - asked) * period + bend * period**2 / 2 if taken >= inner else rise * period
         before, value = value, value + change
         gone += metres * period
@@ -345,7 +342,7 @@ def test_cars_stay_in_both_tubes_at_the_proven_period(two: Chain) -> None:
         along = Tube(
             *(Interval(*map(float, getattr(own.bounds, name))) for name in ("curvature", "speed", "acceleration"))
         )
-        legs.append(Leg(stretch.end, funnel, float(own.margin), float(own.margin_per_metre), along))
+        legs.append(Leg(stretch.end, funnel, float(own.told.margin), float(own.told.margin_per_metre), along))
     track, period = track_of(problem, legs), float(absorbed.alone.period)
     x = states_of(two.held[0], 1 - 1e-9, np.random.default_rng(2))[:16]
     starts = in_world(track, x)

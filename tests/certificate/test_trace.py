@@ -123,6 +123,20 @@ def test_constants_of_other_types_are_their_values() -> None:
         assert rates[3] == 3.0
 
 
+@pytest.mark.parametrize("function", ["sin", "cos", "tan", "sqrt"])
+def test_a_function_of_a_constant_is_one(function: str) -> None:
+    """As JAX computes it: of a vehicle's own angle nothing is left to enclose."""
+    plain = trace_deviation(_Cast(lambda u: u))
+    graph = trace_deviation(_Cast(lambda u: u * getattr(jnp, function)(0.3)))
+    assert sorted(graph.functions().values()) == sorted(plain.functions().values())
+    used = {argument for node in graph.nodes for argument in node.args}
+    before = {node.value for node in plain.nodes}
+    (scale,) = {graph.nodes[index].value for index in used} - before
+    assert float(scale) == pytest.approx(getattr(math, function)(0.3), rel=1e-15)
+    with pytest.raises(InputError, match="expected finite constants"):
+        trace_deviation(_Cast(lambda u: u * jnp.sqrt(-0.3)))
+
+
 def test_tan_and_division_are_enclosed_on_the_funnel() -> None:
     """No extra work for a new vehicle: its targets lie below the truth, by the dynamics of `cfjax.problem`."""
     from flint import fmpq

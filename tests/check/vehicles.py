@@ -56,7 +56,7 @@ class Crab(Unicycle):
 
     def twist(self, internal: tuple, inputs: tuple) -> Twist:
         turn, _, forward = super().twist(internal, inputs)
-        return Twist(turn, math.sin(self.angle) * forward, math.cos(self.angle) * forward)
+        return Twist(turn, jnp.sin(self.angle) * forward, jnp.cos(self.angle) * forward)
 
     def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
         return Twist(turn_rate, math.sin(self.angle) * speed, math.cos(self.angle) * speed), (speed,)
