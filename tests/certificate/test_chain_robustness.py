@@ -181,6 +181,31 @@ def test_nor_where_everything_is_amiss_at_once(share: fmpq) -> None:
         assert told < worst + 0.1 or speed > 1
 
 
+def test_a_speed_that_rises_meanwhile_is_more_of_the_way() -> None:
+    """By 300 m/s²: within a period and a delay the car is an eighth faster than when it looked."""
+    own = by_hand()
+    own = replace(own, bounds=replace(own.bounds, acceleration=(fmpq(-300), fmpq(300))))
+    late = replace(NOTHING, period=fmpq(1, 4000), delay=fmpq(1, 6000))
+    for way, speed in WAYS:
+        told = float(own.descent(late).end_level(fmpq(round(1000 * way), 1000)))
+        worst = worst_end(own, way, late, speed)
+        assert worst <= told + 1e-12
+        assert told < worst + 0.1 or speed > 1
+
+
+def test_bounds_of_a_similar_motion() -> None:
+    """Three times as fast, of states measured in units of which 2, 4, 5 and 8 are one."""
+    rates = replace(by_hand().rates[0], horizon=fmpq(1, 20))
+    axes = tuple(map(fmpq, (2, 4, 5, 8)))
+    found = rates.in_units(axes, fmpq(3))
+    assert (found.rise, found.decrease) == (30, 3 * rates.decrease)  # 1/s
+    assert (found.bend, found.staleness) == (400 * 9, 300 * 9)  # 1/s²
+    assert found.slopes == (fmpq(30), fmpq(15), fmpq(12), fmpq(15, 2))  # 1/s per unit
+    assert found.gradient == (fmpq(3, 2), fmpq(3, 4), fmpq(3, 5), fmpq(3, 8))  # per unit
+    assert found.norms == (fmpq(1), fmpq(1, 2), fmpq(2, 5), fmpq(1, 4))
+    assert (found.widest, found.inner, found.horizon) == (rates.widest, rates.inner, fmpq(1, 60))
+
+
 def test_with_nothing_amiss_v_comes_down_as_in_the_certificate() -> None:
     own = by_hand()
     for way in (0.1, 0.5, 1.0, 3.0):

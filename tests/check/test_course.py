@@ -432,6 +432,36 @@ def asked_of(document: Document) -> None:
     require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
 
 
+def test_what_the_turning_rate_does_otherwise_must_not_jump_either() -> None:
+    """A term of a method without timing, in which nothing says that it is one of a state of the reference."""
+    document = kink_document()
+    another_vehicle(document)
+    asked_of(document)
+    dynamics = document["problem"]["vehicle"]["dynamics"]
+    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
+    nodes.append(["add", outputs[3], nodes.index(["input", "reference:turn_rate"])])
+    outputs[3] = len(nodes) - 1
+    with pytest.raises(Broken, match="in segment 0: the turning rate jumps"):
+        asked_of(document)
+
+
+def test_where_the_turning_rate_jumps_dynamics_are_those_of_a_tube() -> None:
+    """What jumps with it is bounded by states and inputs alone: that is what held inputs are proven with."""
+    document = kink_document()
+    another_vehicle(document)
+    dynamics = document["problem"]["vehicle"]["dynamics"]
+    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
+    names = ("reference:speed_slope", "input:u0", "reference:speed")
+    slope, u0, speed = (nodes.index(["input", name]) for name in names)
+    end = len(nodes)
+    nodes += [["mul", slope, u0], ["mul", end, speed], ["add", outputs[3], end + 1]]
+    outputs[3] = end + 2
+    asked_of(document)
+    report = checked(document)
+    assert report.outcome is Outcome.BROKEN
+    assert "the acceleration enters as acceleration times u0 g(x)" in report.message
+
+
 def seen_ahead(document: Document) -> None:
     """Another vehicle: the same car by a point ahead of it, which looks away from the path where it turns."""
     vehicle = SeenAhead()

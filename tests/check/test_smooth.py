@@ -170,6 +170,30 @@ def in_two(document: Document, by: str) -> None:
     document["problem"]["path"]["pieces"] = [half, {**half, "turn_rate": [str(end + Fraction(by)), "13/100"]}]
 
 
+def not_affine(document: Document) -> None:
+    """The steering is driven by a trillionth of the square of the turning rate too."""
+    dynamics = document["problem"]["vehicle"]["dynamics"]
+    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
+    turning, end = nodes.index(["input", "reference:turn_rate"]), len(nodes)
+    nodes += [
+        ["mul", turning, turning],
+        ["constant", "1/1000000000000"],
+        ["mul", end, end + 1],
+        ["add", outputs[3], end + 2],
+    ]
+    outputs[3] = end + 3
+
+
+def follows_acceleration(document: Document) -> None:
+    """As a state would that goes with acceleration, and jumps where that does; here it is zero all along."""
+    dynamics = document["problem"]["vehicle"]["dynamics"]
+    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
+    if ["input", "reference:speed_slope"] not in nodes:
+        nodes.append(["input", "reference:speed_slope"])
+    nodes.append(["add", outputs[3], nodes.index(["input", "reference:speed_slope"])])
+    outputs[3] = len(nodes) - 1
+
+
 BENT: dict[str, tuple[Callable[[Document], object], str]] = {
     "no bounds of the rate": (plain, "a tube needs dynamics"),
     "rate too low": (rate_bounds("1/10", "1299/10000"), "leaves the bounds"),
@@ -178,6 +202,8 @@ BENT: dict[str, tuple[Callable[[Document], object], str]] = {
     "a vertex is missing": (one_vertex_less, "the proof has to cover"),
     "the curve is sharper": (lambda d: pieces_of(d)[0]["turn_rate"].__setitem__(1, "131/1000"), "leaves the bounds"),
     "the turning rate jumps": (lambda d: in_two(d, "1/1000000000"), "in segment 0: the turning rate jumps"),
+    "dynamics that are not affine": (not_affine, "have to be affine in the reference's curvature"),
+    "a state that goes with acceleration": (follows_acceleration, "have to enter times u0"),
     "more is claimed": (lambda d: d["funnels"][0].update(margin="4"), "margin 4 1/s claimed"),
 }
 
