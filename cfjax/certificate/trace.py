@@ -120,9 +120,9 @@ class _Builder:
             return args
         if name in BINARY:
             return [self.add(Node(BINARY[name], tuple(args)))]
-        if name in FUNCTIONS and self.nodes[args[0]].value is not None:
+        if name in FUNCTIONS and (value := self.nodes[args[0]].value) is not None:
             with np.errstate(invalid="ignore"):  # what is not a number is refused as a constant
-                return [self.constant(FUNCTIONS[name](float(self.nodes[args[0]].value)))]
+                return [self.constant(FUNCTIONS[name](float(value)))]
         if name in UNARY:
             return [self.add(Node(UNARY[name], tuple(args)))]
         if name in TRANSPARENT:
