@@ -11,13 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from cfjax.certificate import certify, robustness_of
+from cfjax.certificate import certify, robustness_of, statement_of
+from cfjax.certificate.trace import dynamics_of
+from cfjax.check.reader import Broken
+from cfjax.check.tube import has_tube_structure, require_tube_structure
 from cfjax.demonstrator import demonstrate
+from cfjax.errors import InputError
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for, learn_polytope
 from cfjax.options import Options, Progress, check_question
-from cfjax.problem import Path, Problem
+from cfjax.problem import Path, Problem, Vehicle
 from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
@@ -57,8 +61,15 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     if problem.path.tube or options.certificate == "segment" or options.learner == "polytope":
         result = _by_segments(problem, options, progress)
     elif options.certificate == "tube":
+        _require_tubes(problem.vehicle)
         result = _by_tubes(problem, options, progress)
-    elif problem.obstacles or problem.authority != 1 or _is_short(problem.path) or not _fits_tubes(options):
+    elif (
+        problem.obstacles
+        or problem.authority != 1
+        or _is_short(problem.path)
+        or not _fits_tubes(options)
+        or not has_tube_structure(dynamics_of(problem.vehicle))
+    ):
         result = _by_segments(problem, options, progress)
     else:
         result = _by_tubes(problem, options, progress)
@@ -72,6 +83,14 @@ def _is_short(path: Path) -> bool:
     return len(path.distinct) <= MOST_FUNNELS and all(segment.speed.is_constant for segment in path.curve)
 
 
+def _require_tubes(vehicle: Vehicle) -> None:
+    """Raises InputError unless a tube can hold the vehicle: its reference's states must not go with the curvature."""
+    try:
+        require_tube_structure(dynamics_of(vehicle))
+    except Broken as error:
+        raise InputError(f"certificate: expected auto or segment, got tube: {error}") from None
+
+
 def _fits_tubes(options: Options) -> bool:
     """Whether tubes are asked for nothing that they are not: they have one template, and finished ones one margin."""
     return options.template == "contracting" and options.objective.margin is None
@@ -79,6 +98,7 @@ def _fits_tubes(options: Options) -> bool:
 
 def _by_segments(problem: Problem, options: Options, progress: Progress) -> Result:
     """Funnels made for the path's own segments; or the one of a tube."""
+    statement_of(problem)  # what no proof answers is not learned first
     loop = _Search(problem, options, progress)
     return loop.run().replace(seconds=loop.seconds)
 

@@ -1,25 +1,21 @@
 """Strict numerics and run-time checked shapes for every test; a result made by hand."""
 
-import os
 import pkgutil
 from collections.abc import Callable
 from pathlib import Path
 
-import platformdirs
 from jaxtyping import install_import_hook
-
-
-os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# programs that a command or another worker has compiled: they share the commands' cache (`prepare_environment`)
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(platformdirs.user_cache_path("cfjax") / "jax"))
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
 
 # Before the package is imported. The checker has no arrays, and millions of small calls on exact numbers: looking at
 # their types as well takes ten times as long as the proof.
 ROOMS = [module.name for module in pkgutil.iter_modules([str(Path(__file__).parents[1] / "cfjax")])]
 install_import_hook([f"cfjax.{room}" for room in ROOMS if room != "check"], "beartype.beartype")
+
+from cfjax.train import prepare_environment  # noqa: E402
+
+
+prepare_environment()  # commands and tests compile the same programs: what one has compiled is there for the others
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402

@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import fmpq
 
@@ -31,6 +31,7 @@ from cfjax.check import Outcome, check_document
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.containment import broken_containments
 from cfjax.check.document import MOST_GRAM_ENTRIES, Course, FunnelClaim, ProblemClaim, read_problem
+from cfjax.check.graph import Graph
 from cfjax.check.meaning import require_meaning
 from cfjax.check.proof import broken_link, links
 from cfjax.check.rational import float_below
@@ -66,6 +67,31 @@ class Certification:
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place ended it
 
 
+class Statement(NamedTuple):
+    """What is asked: the vehicle's graph, the part of the document that says it, and that as the checker reads it."""
+
+    graph: Graph
+    written: dict[str, Any]
+    claim: ProblemClaim
+
+
+def statement_of(problem: Problem) -> Statement:
+    """The question that certificates of the problem answer; no funnel is needed to know whether one can.
+
+    Raises:
+        InputError: it has no proof of this kind, whatever the funnels: a vehicle with an operation that has no exact
+            arithmetic, or one whose reference may not vary as the path does.
+    """
+    graph = trace_deviation(problem.vehicle)
+    written = write_problem(problem, graph)
+    try:
+        claim = read_problem(written)
+        require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
+    except Broken as error:
+        raise InputError(str(error)) from None
+    return Statement(graph, written, claim)
+
+
 def certify(
     problem: Problem,
     funnels: Sequence[Funnel],
@@ -80,22 +106,20 @@ def certify(
     `progress(stage, done, of)` hears of every cell; `workers` threads solve cells side by side.
 
     Raises:
-        InputError: the question has no proof of this kind: a vehicle with an operation that has no exact arithmetic, or
-            one whose reference may not vary.
+        InputError: the question has no proof of this kind: see `statement_of`; or the vehicle's dynamics are not of the
+            form in which a few references speak for all.
     """
     distinct = problem.path.distinct
     if len(funnels) != len(distinct):
         raise InputError(f"certify: expected {len(distinct)} funnels, one per distinct segment, got {len(funnels)}")
-    graph = trace_deviation(problem.vehicle)
-    question = write_problem(problem, graph)
-    clock = {"plan": 0.0, "sos": 0.0, "exact": 0.0}
+    started = time.perf_counter()
+    graph, question, claim = statement_of(problem)
+    clock = {"plan": 0.0, "sos": 0.0, "exact": time.perf_counter() - started}
     rounded = [round_funnel(funnel, segment) for funnel, segment in zip(funnels, distinct, strict=True)]
     kept = tuple(funnel.funnel for funnel in rounded)
     found: list[list[StretchProof]] = []
     try:
         started = time.perf_counter()
-        claim = read_problem(question)
-        require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
         clearance = _prove_sets(problem, claim, rounded)
         clock["exact"] += time.perf_counter() - started
         room = MOST_GRAM_ENTRIES

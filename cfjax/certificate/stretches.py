@@ -21,6 +21,7 @@ from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import HINT_ONLY, MARGIN_BITS, USABLE, exact_proof, is_usable, program_of
 from cfjax.certificate.rounding import round_rate, round_shape, round_whitening
 from cfjax.certificate.sos import SosSolution, solve
+from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import Gram, write_funnel, write_stretch
 from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
 from cfjax.check.document import CellKey
@@ -258,8 +259,7 @@ class Prover:
         self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
         self.pool, self.clock, self.progress = pool, clock, progress
         self.degrees: tuple[int, ...] = ()
-        inputs = ("u0", *problem.vehicle.input_names)
-        self.is_smooth = not has_tube_structure(symbolic(graph, problem.vehicle.state_names, inputs))
+        self.is_smooth = not has_tube_structure(dynamics_of(problem.vehicle))
         self.room = room  # entries of Gram matrices that the file can still hold
         self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0

@@ -12,6 +12,7 @@ from jax.extend import core
 
 from cfjax.check.graph import Graph, Node
 from cfjax.check.rational import rational
+from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.errors import InputError
 from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
 
@@ -46,6 +47,15 @@ def trace_deviation(vehicle: Vehicle) -> Graph:
     builder = _Builder(vehicle.name)
     outputs = builder.run(closed.jaxpr, closed.consts, [builder.add(Node("input", name=name)) for name in names])
     return Graph(tuple(builder.nodes), tuple(outputs))
+
+
+def dynamics_of(vehicle: Vehicle) -> Symbolic:
+    """The same in polynomials, to see their structure.
+
+    Raises:
+        InputError: as `trace_deviation`.
+    """
+    return symbolic(trace_deviation(vehicle), vehicle.state_names, ("u0", *vehicle.input_names))
 
 
 class _Builder:

@@ -8,10 +8,10 @@ With σ(θ) = e^{kθ} for V = e^{kθ} xᵀCx, and 1 for the other template, both
 stay below B wherever that function stays below B/σ(θ), and 1/σ(θ) ≥ max(q, ρ) for q = xᵀCx, ρ the least level of the
 stretch: θ is eliminated. (B is not negative.)
 
-The dynamics are affine in each input, and in the reference's turning rate, speed and acceleration one by one. V̇ is so
-too, and its largest value is at a vertex of the box of these **parameters**. V̈ is quadratic in each of them. Its
-coefficient of p_i² is a square plus a rest, rest ≥ −δ_i: with δ_i (p_i − lower)(p_i − upper) added it is convex in p_i,
-and what was added takes away at most δ_i width²/4. So V̈ is largest at a vertex, but for that much.
+The dynamics are affine in each input, and in the reference's turning rate and its slope, speed and acceleration one by
+one. V̇ is so too, and its largest value is at a vertex of the box of these **parameters**. V̈ is quadratic in each of
+them. Its coefficient of p_i² is a square plus a rest, rest ≥ −δ_i: with δ_i (p_i − lower)(p_i − upper) added it is
+convex in p_i, and what was added takes away at most δ_i width²/4. So V̈ is largest at a vertex, but for that much.
 
 Where r itself changes, V̈ has one more term, ∂V̇/∂r · r'(θ) u0: it is bounded and added as well.
 

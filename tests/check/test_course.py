@@ -25,6 +25,7 @@ from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Method, Path, Pose, Problem, Profile, Segment, affine_deviation, ball, straight
 from cfjax.problem.obstacles import disc_centres, distances
 from tests.check.courses import SHAPE, bend, kink_document, lap_problem
+from tests.check.graphs import ACCELERATION, OMEGA, SLOPE, SPEED, U0, add_to_rate
 from tests.check.vehicles import SeenAhead
 
 
@@ -365,13 +366,8 @@ def test_a_tube_clears_no_obstacle(tube_text: str) -> None:
 
 def slope_enters(document: Document, output: int = 3) -> None:
     """Another vehicle, whose reference has a state that goes with the turning rate: no tube's proof reads its slope."""
-    vehicle = document["problem"]["vehicle"]
-    vehicle["name"] = "other"
-    nodes, outputs = vehicle["dynamics"]["nodes"], vehicle["dynamics"]["outputs"]
-    slope = len(nodes)
-    nodes += [["input", "reference:turn_rate_slope"], ["input", "input:u0"], ["mul", slope, slope + 1]]
-    nodes += [["sub", outputs[output], slope + 2]]
-    outputs[output] = len(nodes) - 1
+    another_vehicle(document)
+    add_to_rate(document, output, ("neg", ("mul", SLOPE, U0)))
 
 
 def test_curvature_must_not_jump_under_a_vehicle_whose_reference_then_jumps() -> None:
@@ -437,10 +433,7 @@ def test_what_the_turning_rate_does_otherwise_must_not_jump_either() -> None:
     document = kink_document()
     another_vehicle(document)
     asked_of(document)
-    dynamics = document["problem"]["vehicle"]["dynamics"]
-    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
-    nodes.append(["add", outputs[3], nodes.index(["input", "reference:turn_rate"])])
-    outputs[3] = len(nodes) - 1
+    add_to_rate(document, 3, OMEGA)
     with pytest.raises(Broken, match="in segment 0: the turning rate jumps"):
         asked_of(document)
 
@@ -449,13 +442,7 @@ def test_where_the_turning_rate_jumps_dynamics_are_those_of_a_tube() -> None:
     """What jumps with it is bounded by states and inputs alone: that is what held inputs are proven with."""
     document = kink_document()
     another_vehicle(document)
-    dynamics = document["problem"]["vehicle"]["dynamics"]
-    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
-    names = ("reference:speed_slope", "input:u0", "reference:speed")
-    slope, u0, speed = (nodes.index(["input", name]) for name in names)
-    end = len(nodes)
-    nodes += [["mul", slope, u0], ["mul", end, speed], ["add", outputs[3], end + 1]]
-    outputs[3] = end + 2
+    add_to_rate(document, 3, ("mul", ("mul", ACCELERATION, U0), SPEED))
     asked_of(document)
     report = checked(document)
     assert report.outcome is Outcome.BROKEN

@@ -12,6 +12,7 @@ import pytest
 
 from cfjax.check import Outcome, check_document, check_file
 from cfjax.check.document import document_hash
+from tests.check.graphs import SLOPE, add_to_rate
 
 
 def command(*arguments: str) -> subprocess.CompletedProcess:
@@ -259,9 +260,7 @@ def test_another_name_is_a_claim_about_the_graph(certificate: dict[str, Any]) ->
     assert report.outcome is Outcome.PROVEN
     assert "unknown to this checker" in report.message and "lap after lap" in report.message
     assert "which are those of a body whose reference looks along the path" in report.message
-    nodes, outputs = (certificate["problem"]["vehicle"]["dynamics"][key] for key in ("nodes", "outputs"))
-    nodes += [["input", "reference:turn_rate_slope"], ["add", outputs[1], len(nodes)]]
-    outputs[1] = len(nodes) - 1
+    add_to_rate(certificate, 1, SLOPE)
     report = check_document(renewed(certificate))
     assert report.outcome is Outcome.BROKEN
     assert "laps are closed for bodies that look along the path" in report.message

@@ -47,7 +47,19 @@ from cfjax.verdict import Verdict
 from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
 from tests.by_hand import piece
-from tests.check.test_tube import ACCELERATION, FIRST, OMEGA, SECOND, SLOPE, SPEED, TURNING, U0, W, dynamics
+from tests.check.graphs import (
+    ACCELERATION,
+    FIRST,
+    OMEGA,
+    SECOND,
+    SLOPE,
+    SPEED,
+    TURNING,
+    U0,
+    W,
+    add_to_rate,
+    dynamics,
+)
 from tests.check.vehicles import Cart, SeenAhead
 
 
@@ -172,26 +184,12 @@ def in_two(document: Document, by: str) -> None:
 
 def not_affine(document: Document) -> None:
     """The steering is driven by a trillionth of the square of the turning rate too."""
-    dynamics = document["problem"]["vehicle"]["dynamics"]
-    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
-    turning, end = nodes.index(["input", "reference:turn_rate"]), len(nodes)
-    nodes += [
-        ["mul", turning, turning],
-        ["constant", "1/1000000000000"],
-        ["mul", end, end + 1],
-        ["add", outputs[3], end + 2],
-    ]
-    outputs[3] = end + 3
+    add_to_rate(document, 3, ("mul", fmpq(1, 10**12), ("mul", OMEGA, OMEGA)))
 
 
 def follows_acceleration(document: Document) -> None:
     """As a state would that goes with acceleration, and jumps where that does; here it is zero all along."""
-    dynamics = document["problem"]["vehicle"]["dynamics"]
-    nodes, outputs = dynamics["nodes"], dynamics["outputs"]
-    if ["input", "reference:speed_slope"] not in nodes:
-        nodes.append(["input", "reference:speed_slope"])
-    nodes.append(["add", outputs[3], nodes.index(["input", "reference:speed_slope"])])
-    outputs[3] = len(nodes) - 1
+    add_to_rate(document, 3, ACCELERATION)
 
 
 BENT: dict[str, tuple[Callable[[Document], object], str]] = {

@@ -14,13 +14,13 @@ from flint import fmpq
 from cfjax.certificate import certify, dump, refute
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash
-from cfjax.check.graph import Graph, Node
 from cfjax.check.program import Matrix
 from cfjax.check.reader import Broken
-from cfjax.check.symbolic import Symbolic, symbolic
+from cfjax.check.symbolic import Symbolic
 from cfjax.check.tube import TubeClaim, is_mirrored, require_tube_structure
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Interval, KinematicBicycle, Method, Problem, ReferencePoint, affine_deviation, ball, tube
+from tests.check.graphs import ACCELERATION, FIRST, OMEGA, SECOND, SLOPE, SPEED, TURNING, U0, W, dynamics
 
 
 Document = dict[str, Any]
@@ -331,37 +331,6 @@ def test_a_refuted_tube_names_a_reference_inside_its_bounds() -> None:
 
 
 # --- the structure that the argument needs ---------------------------------------------------------------------------
-
-
-OMEGA, SPEED, SLOPE, ACCELERATION = (
-    f"reference:{name}" for name in ("turn_rate", "speed", "turn_rate_slope", "speed_slope")
-)
-U0, W = "input:u0", "input:w"
-TURNING = ("mul", OMEGA, U0)
-
-
-def dynamics(*rates: Any) -> Symbolic:
-    """States a, b with rates given as nested tuples (operation, operand, …)."""
-    nodes: list[Node] = []
-
-    def add(expression: Any) -> int:
-        if isinstance(expression, tuple):
-            operation, *operands = expression
-            node = Node(operation, tuple(add(operand) for operand in operands))
-        elif isinstance(expression, str):
-            node = Node("input", name=expression)
-        else:
-            node = Node("constant", value=fmpq(expression))
-        nodes.append(node)
-        return len(nodes) - 1
-
-    outputs = tuple(add(rate) for rate in rates)
-    return symbolic(Graph(tuple(nodes), outputs), ("a", "b"), ("u0", "w"))
-
-
-# ȧ = v w − ω u0, ḃ = v cos a − a_r u0 cos b: (*) holds, and a, w, ω change their signs together
-FIRST = ("sub", ("mul", SPEED, W), TURNING)
-SECOND = ("sub", ("mul", SPEED, ("cos", "a")), ("mul", ("mul", ACCELERATION, U0), ("cos", "b")))
 
 
 def test_dynamics_of_the_form_are_taken() -> None:

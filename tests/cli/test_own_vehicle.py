@@ -18,24 +18,30 @@ from cfjax.errors import InputError
 from cfjax.plants.model import world_rate
 from cfjax.problem import (
     Disc,
+    Pose,
     Problem,
+    Profile,
     ReferencePoint,
+    Segment,
     Twist,
     Vehicle,
     ball,
     circle,
     deviation_rate,
     ellipse,
+    slalom,
     straight,
     tube,
 )
 from cfjax.problem import Path as Course
 from cfjax.problem.course import poses_of
 from cfjax.report.run_folder import read_run
+from cfjax.synthesis import search
 from cfjax.verdict import Verdict
 from experiments.vehicles.front_axle import FrontAxleCar
 from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
+from tests.check.vehicles import Cart
 
 
 UNICYCLE = (Path(__file__).parents[2] / "experiments" / "vehicles" / "unicycle.py").read_text()
@@ -186,6 +192,36 @@ def test_a_car_with_its_steering_as_a_state_is_certified(train: Callable[..., in
     assert report.outcome is Outcome.PROVEN and "Deviations (alpha, x, y, v, w)" in report.message
     result = json.loads((tmp_path / "here" / "result.json").read_text())
     assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
+
+
+def test_what_no_tube_holds_is_said_before_anything_is_learned(
+    train: Callable[..., int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cfjax.synthesis.learn_for", None)
+    own = ("vehicle=custom", "vehicle.target=experiments.vehicles.steered_car.SteeredCar")
+    sets = ("sets.inlet=0.2", "sets.goal=0.6", "sets.safe=[1,1,1,3,0.7]")
+    assert train("+path=ellipse", "certificate=tube", *own, *sets) == 2
+    said = capsys.readouterr().err
+    assert "certificate: expected auto or segment, got tube: vehicle: a tube needs" in said and said.count("\n") == 1
+    breaks = (0.0, 1.0, 2.0)
+    kink = Segment(Profile(breaks, ((0.0,), (0.3,))), Profile(breaks, ((1.0,), (1.0,))), Pose(0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="in segment 0: the turning rate jumps"):
+        search(Problem(Course("kink", (kink,)), vehicle=Cart(), inlet=ball(0.2), goal=ball(0.6)))
+
+
+def test_a_vehicle_that_no_tube_holds_goes_by_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along a chain of several, which goes by tubes where they hold the vehicle."""
+
+    class Taken(Exception):
+        pass
+
+    def taken(*_: object) -> None:
+        raise Taken
+
+    monkeypatch.setattr("cfjax.synthesis._by_segments", taken)
+    monkeypatch.setattr("cfjax.synthesis._by_tubes", lambda *_: pytest.fail("no tube holds it"))
+    with pytest.raises(Taken):
+        search(Problem(slalom(), vehicle=Cart(), inlet=ball(0.2), goal=ball(0.6)))
 
 
 # --- a vehicle that does not look along the path
