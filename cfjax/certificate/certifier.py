@@ -35,7 +35,7 @@ from cfjax.check.graph import Graph
 from cfjax.check.meaning import require_meaning
 from cfjax.check.proof import broken_link, links
 from cfjax.check.rational import float_below
-from cfjax.check.reader import Broken
+from cfjax.check.reader import Broken, Unreadable
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim
 from cfjax.errors import InputError
@@ -80,7 +80,7 @@ def statement_of(problem: Problem) -> Statement:
 
     Raises:
         InputError: it has no proof of this kind, whatever the funnels: a vehicle with an operation that has no exact
-            arithmetic, or one whose reference may not vary as the path does.
+            arithmetic, or one whose reference may not vary as the path does; more than the checker reads.
     """
     graph = trace_deviation(problem.vehicle)
     written = write_problem(problem, graph)
@@ -89,6 +89,8 @@ def statement_of(problem: Problem) -> Statement:
         require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
     except Broken as error:
         raise InputError(str(error)) from None
+    except Unreadable as error:
+        raise InputError(f"no checker would read this question: {error}") from None
     return Statement(graph, written, claim)
 
 

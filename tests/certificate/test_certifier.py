@@ -9,13 +9,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cfjax.certificate import certify, dump, refute, stretches
+from cfjax.certificate import certify, dump, refute, statement_of, stretches
 from cfjax.certificate.sos import SosSolution
 from cfjax.check import Outcome, check_document, check_file
 from cfjax.errors import InputError
 from cfjax.falsifier import falsify
 from cfjax.funnel import Funnel, Paper
-from cfjax.problem import Box, Path, Pose, Problem, ball
+from cfjax.problem import Box, Path, Pose, Problem, ball, ellipse
 from cfjax.verdict import Verdict
 
 
@@ -155,6 +155,15 @@ def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate
         refute(problem, funnel, -1.0)
     reaching = Funnel(Paper(), funnel.shape, 0.2, funnel.duration)
     assert certify(problem, [reaching]).verdict is Verdict.INCONCLUSIVE
+
+
+def test_a_path_of_more_than_a_checker_reads_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert len(statement_of(Problem(ellipse())).written["path"]["pieces"]) > 10
+    monkeypatch.setattr("cfjax.check.document.MOST_PIECES", 10)
+    with pytest.raises(
+        InputError, match=r"no checker would read this question: problem\.path\.pieces: expected .* 10 "
+    ):
+        statement_of(Problem(ellipse()))
 
 
 def test_a_solver_that_fails_proves_nothing(candidate: Candidate, monkeypatch: pytest.MonkeyPatch) -> None:
