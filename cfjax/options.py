@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from cfjax.errors import InputError
 from cfjax.funnel import Objective, template_named
+from cfjax.solver import DEFAULT, SOLVERS
 
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class Options:
     restarts: int = 4
     seed: int = 0
     rounds: int = 3  # of the learn–certify loop, at most
+    solver: str = DEFAULT  # of the sums of squares: "batched", or "clarabel" (CVXPY)
     robustness: bool = True  # what a certified funnel absorbs is proven too
     cars: int = 10_000  # driven through the funnel; 0 for none
 
@@ -73,6 +75,8 @@ class Options:
         template_named(self.template)
         if self.certificate not in CERTIFICATES:
             raise InputError(f"certificate: expected one of {', '.join(CERTIFICATES)}, got {self.certificate}")
+        if self.solver not in SOLVERS:
+            raise InputError(f"solver: expected one of {', '.join(SOLVERS)}, got {self.solver}")
         if self.learner not in LEARNERS:
             raise InputError(f"learner: expected one of {', '.join(LEARNERS)}, got {self.learner}")
         if self.learner == "polytope" and self.objective.margin is not None:

@@ -125,7 +125,7 @@ def harden(result: Result, options: Options = Options(), progress: Progress | No
     if not options.robustness:
         return None
     (progress or _silent)("robustness", 0, 1)
-    hints = robustness_of(result, workers=_cores())
+    hints = robustness_of(result, workers=_cores(), solver=options.solver)
     (progress or _silent)("robustness", 1, 1)
     return hints
 
@@ -303,7 +303,15 @@ class _Search:
             share = GOOD_SHARE if all(segment.is_steady for segment in distinct) else CURVED_SHARE
             wanted = self.options.objective.margin
             target = share * learned.margin if wanted is None else min(wanted, learned.margin)
-            found = certify(self.problem, learned.funnels, target=target, progress=self.progress, workers=_cores())
+            found = certify(
+                self.problem,
+                learned.funnels,
+                target=target,
+                progress=self.progress,
+                workers=_cores(),
+                solver=self.options.solver,
+            )
+        self.search["solver"] = ", ".join(found.solvers) or self.options.solver
         results, suspects, places = [], list(found.suspects), []
         with self.timed("learn"):
             for kind, funnel in enumerate(found.funnels):

@@ -9,7 +9,6 @@ made it.
 import json
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -43,6 +42,7 @@ from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
 from cfjax.problem import Problem
 from cfjax.result import StretchMargin
+from cfjax.solver import DEFAULT, Solver, solver_named
 from cfjax.verdict import Verdict
 
 
@@ -65,6 +65,7 @@ class Certification:
     seconds: dict[str, float] = field(default_factory=dict)  # plan, sos, exact
     suspects: tuple[Suspect, ...] = ()  # deviations that limit the proof, by the duals: for a learner
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place ended it
+    solvers: tuple[str, ...] = ()  # whose hints the proof was made from
 
 
 class Statement(NamedTuple):
@@ -101,11 +102,13 @@ def certify(
     target: float = 0.0,
     progress: Progress | None = None,
     workers: int = 1,
+    solver: str | Solver = DEFAULT,
 ) -> Certification:
     """Prove the rounded funnels, one for each distinct segment of the path, with the largest margins λ that are shown.
 
     A segment is cut into as many stretches as the `target` (1/s) needs; with target 0 it is one.
-    `progress(stage, done, of)` hears of every cell; `workers` threads solve cells side by side.
+    `progress(stage, done, of)` hears of every cell; the `solver` of that name (`cfjax.solver.SOLVERS`) solves cells,
+    `workers` of them side by side.
 
     Raises:
         InputError: the question has no proof of this kind: see `statement_of`; or the vehicle's dynamics are not of the
@@ -125,11 +128,11 @@ def certify(
         clearance = _prove_sets(problem, claim, rounded)
         clock["exact"] += time.perf_counter() - started
         room = MOST_GRAM_ENTRIES
-        with ThreadPoolExecutor(max(1, workers)) as pool:
-            for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
-                prover = Prover(problem, funnel, graph, kind, room, pool, clock, progress)
-                found.append(prover.along(segment if isinstance(segment, TubeClaim) else segment.pieces, target))
-                room -= prover.entries * len(found[-1])
+        oracle = solver_named(solver, workers)
+        for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
+            prover = Prover(problem, funnel, graph, kind, room, oracle, clock, progress)
+            found.append(prover.along(segment if isinstance(segment, TubeClaim) else segment.pieces, target))
+            room -= prover.entries * len(found[-1])
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
         raise InputError(str(error)) from None
     except NotProven as failure:
@@ -158,11 +161,9 @@ def certify(
     clock["exact"] += time.perf_counter() - started
     proven = report.outcome is Outcome.PROVEN
     every = [proof for proofs in found for proof in proofs]
-    hinted = sum(proof.hinted for proof in every)
-    note = f" ({hinted} cells from inaccurate solutions: the exact replay does not mind)" if hinted else ""
     return Certification(
         Verdict.CERTIFIED if proven else Verdict.INCONCLUSIVE,
-        report.message + note if proven else f"the checker does not accept the certificate: {report.message}",
+        report.message if proven else f"the checker does not accept the certificate: {report.message}",
         funnels=kept,
         document=document if proven else None,
         margins=tuple(map(float_below, margins)) if proven else None,
@@ -171,6 +172,7 @@ def certify(
         stretches=tuple(() if problem.path.tube else tuple(map(_stretch_margin, proofs)) for proofs in found),
         seconds=clock,
         suspects=tuple(point for proof in every for point in proof.suspects),
+        solvers=tuple(sorted({name for proof in every for name in proof.solvers})),
     )
 
 

@@ -1,42 +1,91 @@
 """From a claim on a funnel to its proof: the semidefinite program, and its solution made exact."""
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from flint import fmpq, fmpq_mpoly
+from jaxtyping import Float
 
 from cfjax.certificate.rounding import dyadic, round_gram
-from cfjax.certificate.sos import SosSolution
 from cfjax.certificate.writing import Gram
 from cfjax.check.document import unpack_triangle
-from cfjax.check.program import CellProof, Exponents, FunnelProgram
+from cfjax.check.program import CellProof, FunnelProgram
+from cfjax.solver import REFERENCE, Program, Solution, Solver, Status, solver_named
+from cfjax.solver.program import dense
 
 
 PADDINGS = (1e-7, 1e-6, 1e-5, 1e-4)  # of the largest Gram entry; tried in this order until the proof holds
 MARGIN_BITS = 40  # of the margins that the document claims: rounded down
-USABLE = ("optimal",)
-HINT_ONLY = ("optimal_inaccurate",)  # Clarabel's AlmostSolved: no solution, but the exact replay may like it
-
-Question = tuple[fmpq_mpoly, fmpq_mpoly, list[fmpq_mpoly], tuple[tuple[Exponents, ...], ...]]
 
 
-def program_of(claim: FunnelProgram, cell: object) -> Question:
-    """What `solve` is asked about a cell. Made in one thread: only the solver works beside others."""
-    return claim.target(cell), claim.drop(cell), claim.constraints(cell), claim.bases
+def program_of(claim: FunnelProgram, cell: object) -> Program:
+    """What a solver is asked about a cell."""
+    variables, order = len(claim.states), 2 * max(claim.degrees)
+
+    def numbers(polynomial: fmpq_mpoly) -> Float[np.ndarray, " r"]:
+        # of whole numbers: correctly rounded however long
+        terms = polynomial.to_dict().items()
+        return dense({tuple(map(int, e)): int(c.p) / int(c.q) for e, c in terms}, variables, order)
+
+    constraints = [numbers(constraint) for constraint in claim.constraints(cell)]
+    target, drop = numbers(claim.target(cell)), numbers(claim.drop(cell))
+    return Program(variables, tuple(claim.degrees), target, drop, np.array(constraints).reshape(-1, len(target)))
 
 
-def is_usable(solution: SosSolution) -> bool:
+def solved(solver: Solver, programs: Sequence[Program]) -> list[Solution]:
+    """What a solver says of each program; whatever stops it is an answer that it failed."""
+    try:
+        found = solver.solve(programs)
+        if len(found) == len(programs):
+            return list(found)
+        message = f"{len(found)} answers for {len(programs)} programs"
+    except Exception as error:
+        message = f"{type(error).__name__}: {error}".splitlines()[0]
+    return [Solution.failed(solver.name, message)] * len(programs)
+
+
+class Proven(NamedTuple):
+    """What the exact replay made of a solution: no proof, or one with its Gram matrices as written and its margin."""
+
+    solution: Solution
+    proof: CellProof | None
+    grams: list[Gram]
+    margin: fmpq
+
+    @property
+    def is_good(self) -> bool:
+        """Whether there is nothing that another solver could mend."""
+        return self.proof is not None and self.margin > 0 and self.solution.status is Status.OPTIMAL
+
+
+def prove(claim: FunnelProgram, cell: object, program: Program, solution: Solution) -> Proven:
+    """The exact proof that a solution hints at; where there is none, or a poor one, the reference solver's."""
+    first = _exact_proof(claim, cell, solution)
+    if first.is_good or solution.solver == REFERENCE:
+        return first
+    (other,) = solved(solver_named(REFERENCE), [program])
+    second = _exact_proof(claim, cell, other)
+    return second if first.proof is None or (second.proof and second.margin > first.margin) else first
+
+
+def _is_usable(claim: FunnelProgram, solution: Solution) -> bool:
     """Whether the exact replay may be asked about it."""
+    sizes = [(len(basis), len(basis)) for basis in claim.bases]
     return (
-        solution.status in USABLE + HINT_ONLY
+        solution.status is not Status.FAILED
         and solution.grams is not None
         and math.isfinite(solution.margin)
+        and [np.shape(gram) for gram in solution.grams] == sizes
         and all(np.isfinite(gram).all() for gram in solution.grams)
     )
 
 
-def exact_proof(claim: FunnelProgram, cell: object, solution: SosSolution) -> tuple[CellProof | None, list[Gram], fmpq]:
-    """The first padding with which the exact replay accepts a usable solution as rounded, and the margin it proves."""
+def _exact_proof(claim: FunnelProgram, cell: object, solution: Solution) -> Proven:
+    """The first padding with which the exact replay accepts a solution as rounded."""
+    if not _is_usable(claim, solution):
+        return Proven(solution, None, [], fmpq(0))
     assert solution.grams is not None
     for padding in PADDINGS:
         grams = [round_gram(gram, padding) for gram in solution.grams]
@@ -48,7 +97,7 @@ def exact_proof(claim: FunnelProgram, cell: object, solution: SosSolution) -> tu
         budget = claim.domain.budget
         left = budget.left
         try:
-            return proof, grams, claim.proven_margin(proof)
+            return Proven(solution, proof, grams, claim.proven_margin(proof))
         except ValueError:  # not positive definite yet; the checker will not see this attempt, nor pay for it
             budget.left = left
-    return None, [], fmpq(0)
+    return Proven(solution, None, [], fmpq(0))

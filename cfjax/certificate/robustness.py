@@ -6,7 +6,6 @@ but hints: what they show, `cfjax.check.robustness` computes.
 
 import itertools
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +14,8 @@ from flint import fmpq
 
 from cfjax.certificate.bounds import bounds_along
 from cfjax.certificate.fit import enclose
-from cfjax.certificate.program import exact_proof, is_usable, program_of
+from cfjax.certificate.program import program_of, prove, solved
 from cfjax.certificate.rounding import round_whitening
-from cfjax.certificate.sos import solve
 from cfjax.certificate.stretches import NotProven
 from cfjax.certificate.writing import Gram, with_hash, write_bounds, write_grams, write_unary
 from cfjax.check.chain import CHAIN, prove_runs, read_chain
@@ -32,13 +30,14 @@ from cfjax.check.robustness import motions, tube_motions
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim, require_tube_structure
 from cfjax.result import Result
+from cfjax.solver import DEFAULT, Program, Solution, Solver, solver_named
 from cfjax.verdict import Verdict
 
 
 BAND, MOST_BANDS = 3.0, 2  # ratio of a band's speeds; each costs up to some hundred programs
 
 
-def robustness_of(result: Result, workers: int = 1) -> dict[str, Any] | None:
+def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any] | None:
     """The file of hints for a certified result; None where there is nothing that is certified.
 
     Raises:
@@ -47,10 +46,10 @@ def robustness_of(result: Result, workers: int = 1) -> dict[str, Any] | None:
     document = result.document
     if document is None or document["claim"] not in ("funnel", CHAIN):
         return None
-    return robustness_document(document, workers)
+    return robustness_document(document, workers, solver)
 
 
-def robustness_document(document: dict[str, Any], workers: int = 1) -> dict[str, Any]:
+def robustness_document(document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any]:
     """The file of hints for a certificate, of funnels or of a path in tubes: the document that the checker accepted.
 
     Raises:
@@ -58,32 +57,31 @@ def robustness_document(document: dict[str, Any], workers: int = 1) -> dict[str,
         Broken, ValueError: dynamics or levels of a kind that has no bounds here.
     """
     if document["claim"] == CHAIN:
-        return _chain_document(document, workers)
+        return _chain_document(document, solver_named(solver, workers))
     certificate = read_certificate(document)
     problem = certificate.problem
     dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
-    with ThreadPoolExecutor(max(1, workers)) as pool:
-        each = zip(problem.distinct, certificate.funnels, certificate.hints, strict=True)
-        funnels = [
-            hints_for(problem, dynamics, segment, funnel, [stretch.end for stretch in hints.stretches], pool)
-            if isinstance(segment, SegmentClaim)
-            else tube_hints(problem, dynamics, segment, funnel, pool)
-            for segment, funnel, hints in each
-        ]
+    oracle = solver_named(solver, workers)
+    each = zip(problem.distinct, certificate.funnels, certificate.hints, strict=True)
+    funnels = [
+        hints_for(problem, dynamics, segment, funnel, [stretch.end for stretch in hints.stretches], oracle)
+        if isinstance(segment, SegmentClaim)
+        else tube_hints(problem, dynamics, segment, funnel, oracle)
+        for segment, funnel, hints in each
+    ]
     return with_hash(CLAIM, {"certificate": document["hash"], "funnels": funnels})
 
 
-def _chain_document(document: dict[str, Any], workers: int) -> dict[str, Any]:
+def _chain_document(document: dict[str, Any], solver: Solver) -> dict[str, Any]:
     """Of a path in tubes: for each of them, beside what the path does along its runs."""
     claim = read_chain(document, skip_hash=True)
     runs, _ = prove_runs(claim)
     index_of = {run.tube: index for run, (_, _, index) in zip(runs, claim.runs, strict=True)}
     tubes: dict[int, dict[str, Any]] = {}
-    with ThreadPoolExecutor(max(1, workers)) as pool:
-        for tube, bounds in bounds_along(claim.reference, runs).items():
-            asked = question_of(claim, index_of[tube], tube, bounds, timing_of(runs))
-            bands = tube_hints(asked.problem, asked.dynamics, asked.along, asked.funnel, pool)
-            tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": bands}
+    for tube, bounds in bounds_along(claim.reference, runs).items():
+        asked = question_of(claim, index_of[tube], tube, bounds, timing_of(runs))
+        bands = tube_hints(asked.problem, asked.dynamics, asked.along, asked.funnel, solver)
+        tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": bands}
     in_order = [entry for _, entry in sorted(tubes.items())]
     return with_hash(CLAIM, {"certificate": document["hash"], "tubes": in_order})
 
@@ -94,7 +92,7 @@ def hints_for(
     segment: SegmentClaim,
     funnel: FunnelClaim,
     ends: list[fmpq],
-    pool: ThreadPoolExecutor,
+    solver: Solver,
 ) -> list[dict[str, Any]]:
     """For one funnel: a stretch of θ ends at each of `ends`. Condition (d)'s own do.
 
@@ -105,12 +103,12 @@ def hints_for(
     for begin, end in itertools.pairwise([fmpq(0), *ends]):
         parts = between(segment.pieces, begin, end)
         asked = motions(problem, dynamics, parts, funnel, (begin, end))
-        found.append({"end": str(end), "levels": [_levels(motion, pool) for motion, _ in asked]})
+        found.append({"end": str(end), "levels": [_levels(motion, solver) for motion, _ in asked]})
     return found
 
 
 def tube_hints(
-    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, pool: ThreadPoolExecutor
+    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, solver: Solver
 ) -> list[dict[str, Any]]:
     """For a tube, in bands of speed.
 
@@ -121,7 +119,7 @@ def tube_hints(
     found = []
     for band in itertools.pairwise(speed_bands(tube)):
         asked = tube_motions(problem, dynamics, tube, funnel, band)
-        found.append({"end": str(band[1]), "levels": [_levels(motion, pool) for motion, _ in asked]})
+        found.append({"end": str(band[1]), "levels": [_levels(motion, solver) for motion, _ in asked]})
     return found
 
 
@@ -133,7 +131,7 @@ def speed_bands(tube: TubeClaim) -> list[fmpq]:
     return [lower, *inner, upper]
 
 
-def _levels(motion: HeldMotion, pool: ThreadPoolExecutor) -> dict[str, Any]:
+def _levels(motion: HeldMotion, solver: Solver) -> dict[str, Any]:
     """Hints on one range of levels."""
     shape = np.array([[float(entry) for entry in row] for row in motion.shape])
     motion = replace(motion, whitening=round_whitening(shape / float(motion.peak)))
@@ -152,11 +150,10 @@ def _levels(motion: HeldMotion, pool: ThreadPoolExecutor) -> dict[str, Any]:
     cells = list(motion.cells())
     # a vertex has a budget of its own, as in the replay
     claims = {vertex: replace(motion) for vertex in range(len(motion.vertices))}
-    jobs = [pool.submit(solve, *program_of(claims[cell.vertex], cell)) for cell in cells]
+    programs = [program_of(claims[cell.vertex], cell) for cell in cells]
     written = []
-    for cell, job in zip(cells, jobs, strict=True):
-        solution = job.result()
-        margin, grams = _exactly(claims[cell.vertex], cell, solution)
+    for cell, program, solution in zip(cells, programs, solved(solver, programs), strict=True):
+        margin, grams = _exactly(claims[cell.vertex], cell, program, solution)
         written.append({"order": cell.order, "vertex": cell.vertex, "margin": str(margin), "grams": write_grams(grams)})
     return {
         "whitening": [[str(entry) for entry in row] for row in motion.whitening],
@@ -166,9 +163,9 @@ def _levels(motion: HeldMotion, pool: ThreadPoolExecutor) -> dict[str, Any]:
     }
 
 
-def _exactly(motion: HeldMotion, cell: HeldCell, solution: Any) -> tuple[fmpq, list[Gram]]:
-    if is_usable(solution):
-        proof, grams, _ = exact_proof(motion, cell, solution)
-        if proof is not None:
-            return proof.margin, grams
-    raise NotProven(Verdict.SOLVER_FAILED, f"no bound of V after {cell.order} derivatives: {solution.status}")
+def _exactly(motion: HeldMotion, cell: HeldCell, program: Program, solution: Solution) -> tuple[fmpq, list[Gram]]:
+    found = prove(motion, cell, program, solution)
+    if found.proof is None:
+        name = f"the {cell.order}. derivative of V"
+        raise NotProven(Verdict.SOLVER_FAILED, f"no bound of {name}: {found.solution}")
+    return found.proof.margin, found.grams

@@ -9,7 +9,6 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,17 +17,16 @@ from flint import fmpq
 
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.plan import CELLS, plan
-from cfjax.certificate.program import HINT_ONLY, MARGIN_BITS, USABLE, exact_proof, is_usable, program_of
+from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
 from cfjax.certificate.rounding import round_rate, round_shape, round_whitening
-from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.trace import dynamics_of
-from cfjax.certificate.writing import Gram, write_funnel, write_stretch
+from cfjax.certificate.writing import write_funnel, write_stretch
 from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
 from cfjax.check.document import CellKey
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.piece import Piece, between
-from cfjax.check.program import CellProof, Matrix
+from cfjax.check.program import Matrix
 from cfjax.check.proof import extremes_of, signs_text
 from cfjax.check.rational import decimal_text, rational
 from cfjax.check.reader import Broken
@@ -37,6 +35,7 @@ from cfjax.check.tube import SmoothTube, TubeClaim, has_tube_structure, place_of
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
 from cfjax.problem import Path, Problem, Segment, Tube
+from cfjax.solver import Program, Solution, Solver, Status
 from cfjax.verdict import Verdict
 
 
@@ -126,7 +125,7 @@ class StretchProof:
     numerical: float  # optimum of the sums-of-squares programs
     hints: dict[str, Any]
     suspects: tuple[Suspect, ...]
-    hinted: int  # cells whose solution was only a hint
+    solvers: tuple[str, ...]  # whose hints they were
 
 
 def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = False) -> Stretch:
@@ -243,7 +242,7 @@ class _TooLittle(Exception):
 
 
 class Prover:
-    """Proves the stretches of one segment or tube, with a pool of threads and a clock (s: `plan`, `sos`, `exact`)."""
+    """Proves the stretches of one segment or tube, by a solver's hints and a clock (s: `plan`, `sos`, `exact`)."""
 
     def __init__(
         self,
@@ -252,12 +251,12 @@ class Prover:
         graph: Graph,
         kind: int,
         room: int,
-        pool: ThreadPoolExecutor,
+        solver: Solver,
         clock: dict[str, float],
         progress: Progress | None,
     ) -> None:
         self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
-        self.pool, self.clock, self.progress = pool, clock, progress
+        self.solver, self.clock, self.progress = solver, clock, progress
         self.degrees: tuple[int, ...] = ()
         self.is_smooth = not has_tube_structure(dynamics_of(problem.vehicle))
         self.room = room  # entries of Gram matrices that the file can still hold
@@ -348,29 +347,26 @@ class Prover:
         self.cells_begun += len(places)
         self._count(questions)
 
-        written, margins, per_metre, solved = [], [], [], []
-        jobs = [self.pool.submit(solve, *program) for program in programs]
-        try:
-            for (index, cell), job in zip(places, jobs, strict=True):
-                solution = job.result()
-                self.clock["sos"] += solution.seconds
-                solved.append(solution)
-                question = questions[index]
-                named = _named(stretch, questions, index, cell)
-                if target and not solution.margin >= target:
-                    raise _TooLittle
-                proof, grams, proven = self._proven(question, cell, solution, named, stretch, solved)
-                if target and not float(proven) >= target:
-                    raise _TooLittle
-                written.append((_key(index, cell), proof.margin, grams))
-                margins.append(proven)
-                per_metre.append(proven / question.extreme.profile["speed"])
-                self.cells_done += 1
-                if self.progress:
-                    self.progress("certify", self.cells_done, self.cells_begun)
-        finally:
-            for job in jobs:
-                job.cancel()
+        started = time.perf_counter()
+        solutions = solved(self.solver, programs)
+        self.clock["sos"] += time.perf_counter() - started
+        written, margins, per_metre, used = [], [], [], []
+        for (index, cell), program, solution in zip(places, programs, solutions, strict=True):
+            if target and not solution.margin >= target:
+                raise _TooLittle
+            question = questions[index]
+            found = self._proven(question, cell, program, solution)
+            used.append(found.solution)
+            if found.proof is None or not found.margin > 0:
+                raise self._not_proven(stretch, questions, index, cell, found, used)
+            if target and not float(found.margin) >= target:
+                raise _TooLittle
+            written.append((_key(index, cell), found.proof.margin, found.grams))
+            margins.append(found.margin)
+            per_metre.append(found.margin / question.extreme.profile["speed"])
+            self.cells_done += 1
+            if self.progress:
+                self.progress("certify", self.cells_done, self.cells_begun)
         margin, margin_per_metre = (_rounded_down(min(each)) for each in (margins, per_metre))
         if not min(margin, margin_per_metre) > 0:
             raise NotProven(
@@ -382,10 +378,10 @@ class Prover:
             degrees=self.degrees,
             margin=margin,
             margin_per_metre=margin_per_metre,
-            numerical=min(solution.margin for solution in solved),
+            numerical=min(solution.margin for solution in used),
             hints=write_stretch(stretch.end, stretch.bounds, questions[0], written),
-            suspects=self._suspects(stretch, questions[0], solved),
-            hinted=sum(solution.status in HINT_ONLY for solution in solved),
+            suspects=self._suspects(stretch, questions[0], used),
+            solvers=tuple(sorted({solution.solver for solution in used})),
         )
 
     def _exactly(self, work: Callable[[], Any], place: str = "") -> Any:
@@ -398,37 +394,40 @@ class Prover:
         finally:
             self.clock["exact"] += time.perf_counter() - started
 
-    def _proven(
-        self,
-        question: SteadyDecrease,
-        cell: Cell,
-        solution: SosSolution,
-        named: str,
-        stretch: Stretch,
-        solved: list[SosSolution],
-    ) -> tuple[CellProof, list[Gram], fmpq]:
-        """The exact proof that a solution hints at, its Gram matrices as written, and the margin that it shows."""
-        if not is_usable(solution):
-            raise NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {named}: {solution.status}")
+    def _proven(self, question: SteadyDecrease, cell: Cell, program: Program, solution: Solution) -> Proven:
+        """The exact proof of a cell, by the clock."""
         started = time.perf_counter()
-        proof, grams, proven = exact_proof(question, cell, solution)
-        self.clock["exact"] += time.perf_counter() - started
-        if proof is None or not proven > 0:
-            verdict = Verdict.INCONCLUSIVE if solution.status in USABLE else Verdict.SOLVER_FAILED
-            shown = f"only {decimal_text(proven)} is proven" if proof else "its rounding is not proven"
-            raise NotProven(
-                verdict,
-                f"condition (d), {named}: margin {solution.margin:.6g} ({solution.status}), {shown}",
-                self._suspects(stretch, question, solved),
-            )
-        return proof, grams, proven
+        try:
+            return prove(question, cell, program, solution)
+        finally:
+            self.clock["exact"] += time.perf_counter() - started
 
-    def _suspects(self, stretch: Stretch, decrease: SteadyDecrease, solved: list[SosSolution]) -> tuple[Suspect, ...]:
+    def _not_proven(
+        self,
+        stretch: Stretch,
+        questions: list[SteadyDecrease],
+        index: int,
+        cell: Cell,
+        found: Proven,
+        used: list[Solution],
+    ) -> NotProven:
+        named, solution = _named(stretch, questions, index, cell), found.solution
+        if solution.status is Status.FAILED:
+            return NotProven(Verdict.SOLVER_FAILED, f"the solver gave no answer for {named}: {solution}")
+        verdict = Verdict.INCONCLUSIVE if solution.status is Status.OPTIMAL else Verdict.SOLVER_FAILED
+        shown = f"only {decimal_text(found.margin)} is proven" if found.proof else "its rounding is not proven"
+        return NotProven(
+            verdict,
+            f"condition (d), {named}: margin {solution.margin:.6g} ({solution}), {shown}",
+            self._suspects(stretch, questions[index], used),
+        )
+
+    def _suspects(self, stretch: Stretch, decrease: SteadyDecrease, used: list[Solution]) -> tuple[Suspect, ...]:
         """Deviations near which the worst cells are decided: ± the principal axis of the dual's second moments."""
         whitening = np.array([[float(entry) for entry in row] for row in decrease.whitening])
         theta = float(stretch.begin + stretch.end) / 2
         points = []
-        for solution in sorted(solved, key=lambda s: s.margin)[:SUSPECT_CELLS]:
+        for solution in sorted(used, key=lambda s: s.margin)[:SUSPECT_CELLS]:
             if solution.second_moments is not None and np.isfinite(solution.second_moments).all():
                 values, vectors = np.linalg.eigh(solution.second_moments)
                 x = whitening @ vectors[:, -1] * math.sqrt(max(values[-1], 0.0))

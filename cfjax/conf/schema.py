@@ -297,6 +297,7 @@ class Config:
     beta_inner: float | None = Options.beta_inner
     restarts: int = Options.restarts
     rounds: int = Options.rounds
+    solver: str = Options.solver  # of the sums of squares: batched, or clarabel (through CVXPY)
     seed: int = Options.seed
     robustness: bool = Options.robustness  # what the funnel absorbs: control period, disturbances, delay
     cars: int = Options.cars

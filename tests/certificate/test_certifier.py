@@ -2,20 +2,21 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from cfjax.certificate import certify, dump, refute, statement_of, stretches
-from cfjax.certificate.sos import SosSolution
+from cfjax.certificate import certify, dump, refute, statement_of
+from cfjax.certificate import program as certificate_program
 from cfjax.check import Outcome, check_document, check_file
 from cfjax.errors import InputError
 from cfjax.falsifier import falsify
 from cfjax.funnel import Funnel, Paper
 from cfjax.problem import Box, Path, Pose, Problem, ball, ellipse
+from cfjax.solver import Program, Solution, Status
 from cfjax.verdict import Verdict
 
 
@@ -37,7 +38,6 @@ def test_certified_margins_are_sharp_and_true(candidate: Candidate, row: tuple, 
     falsified = next(p for p in falsify(problem, problem.path.segments[0], rounded) if p.condition == "d")
     assert 0.97 * falsified.slack <= found.margins[0] <= falsified.slack
     assert [done for _, done, _ in heard] == list(range(1, heard[-1][2] + 1))
-    assert found.seconds["exact"] < found.seconds["sos"]
     path = tmp_path / "certificate.json"
     path.write_text(dump(found.document))
     report = check_file(path)
@@ -166,18 +166,59 @@ def test_a_path_of_more_than_a_checker_reads_is_one_line(monkeypatch: pytest.Mon
         statement_of(Problem(ellipse()))
 
 
-def test_a_solver_that_fails_proves_nothing(candidate: Candidate, monkeypatch: pytest.MonkeyPatch) -> None:
+class Oracle:
+    """A solver that says the same of every program."""
+
+    name = "oracle"
+
+    def __init__(self, answer: Callable[[Program], Solution], wrong_number: bool = False) -> None:
+        self.answer, self.wrong_number = answer, wrong_number
+
+    def solve(self, programs: Sequence[Program]) -> list[Solution]:
+        return [self.answer(program) for program in programs[self.wrong_number :]]
+
+
+def says(status: Status, margin: float, grams: tuple | None) -> Oracle:
+    return Oracle(lambda _: Solution(status, margin, grams, 0.0, "oracle"))
+
+
+def breaks_down(_: Program) -> Solution:
+    raise FloatingPointError("of its own")
+
+
+ONES = tuple(np.eye(size) for size in (35, 15, 15, 15, 15))
+BAD = {
+    "failed": says(Status.FAILED, math.nan, None),
+    "nan": says(Status.OPTIMAL, math.nan, ONES),
+    "infinite": says(Status.OPTIMAL, math.inf, ONES),
+    "nan in a matrix": says(Status.OPTIMAL, 0.3, (np.diag([math.nan] + 34 * [1.0]), *ONES[1:])),
+    "infinite in a matrix": says(Status.OPTIMAL, 0.3, (np.diag([-math.inf] + 34 * [1.0]), *ONES[1:])),
+    "other sizes": says(Status.OPTIMAL, 0.3, (np.eye(3), *ONES[1:])),
+    "a matrix too few": says(Status.OPTIMAL, 0.3, ONES[1:]),
+    "nonsense": says(Status.OPTIMAL, 0.3, ONES),  # found out by the exact replay
+    "huge": says(Status.OPTIMAL, 1e300, tuple(1e300 * one for one in ONES)),
+    "an answer too few": Oracle(lambda _: Solution(Status.OPTIMAL, 0.3, ONES, 0.0, "oracle"), wrong_number=True),
+    "raises": Oracle(breaks_down),
+}
+
+
+@pytest.mark.parametrize("bad", BAD.values(), ids=BAD)
+def test_a_bad_solver_proves_nothing(candidate: Candidate, bad: Oracle, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, funnel = candidate("circle", "tt", "paper")
-    for status, grams in (("error: InsufficientProgress", None), ("user_limit", (np.eye(35), *[np.eye(15)] * 4))):
-        monkeypatch.setattr(stretches, "solve", lambda *_, s=status, g=grams: SosSolution(s, math.nan, g, 0.0))
-        found = certify(problem, [funnel])
-        assert (found.verdict, found.document) == (Verdict.SOLVER_FAILED, None)
-    # numbers that are none, under a good status
-    for margin, worst in ((math.nan, 1.0), (math.inf, 1.0), (0.3, math.nan), (0.3, -math.inf)):
-        grams = (np.diag([worst] + 34 * [1.0]), *[np.eye(15)] * 4)
-        monkeypatch.setattr(stretches, "solve", lambda *_, m=margin, g=grams: SosSolution("optimal", m, g, 0.0))
-        assert certify(problem, [funnel]).verdict is Verdict.SOLVER_FAILED
-    # nonsense under a good status is found out by the exact replay
-    nonsense = (np.eye(35), *[np.eye(15)] * 4)
-    monkeypatch.setattr(stretches, "solve", lambda *_: SosSolution("optimal", 0.3, nonsense, 0.0))
-    assert certify(problem, [funnel]).verdict is Verdict.INCONCLUSIVE
+    monkeypatch.setattr(certificate_program, "solver_named", lambda *_: says(Status.FAILED, math.nan, None))
+    found = certify(problem, [funnel], solver=bad)
+    assert found.document is None
+    assert found.verdict in (Verdict.SOLVER_FAILED, Verdict.INCONCLUSIVE)
+
+
+def test_the_reference_solver_mends_what_another_spoils(candidate: Candidate) -> None:
+    problem, funnel = candidate("circle", "tt", "paper")
+    found = certify(problem, [funnel], solver=BAD["nan in a matrix"])
+    assert (found.verdict, found.solvers) == (Verdict.CERTIFIED, ("clarabel",))
+
+
+def test_both_solvers_prove_the_same(candidate: Candidate) -> None:
+    problem, funnel = candidate("circle", "tt", "contracting")
+    ours, reference = (certify(problem, [funnel], solver=name) for name in ("batched", "clarabel"))
+    assert (ours.solvers, reference.solvers) == (("batched",), ("clarabel",))
+    assert ours.margins == pytest.approx(reference.margins, rel=1e-3)

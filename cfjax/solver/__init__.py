@@ -1,0 +1,23 @@
+"""The oracle: sums-of-squares programs in, numerical hints out. Nothing here decides what is proven."""
+
+import importlib
+
+from cfjax.solver.program import Program, Solution, Solver, Status
+
+
+SOLVERS = {"batched": ("interior_point", "InteriorPoint"), "clarabel": ("clarabel", "Clarabel")}
+"""By name: module and class. Imported on first use, for either brings a library that takes a second to load."""
+
+DEFAULT = "batched"
+REFERENCE = "clarabel"  # what is tried again where the exact replay does not accept a hint
+
+
+def solver_named(name: str | Solver, workers: int = 1) -> Solver:
+    """The solver of one of the names in SOLVERS, with `workers` programs side by side; a solver is one already."""
+    if not isinstance(name, str):
+        return name
+    module, own = SOLVERS[name]
+    return getattr(importlib.import_module(f"cfjax.solver.{module}"), own)(workers)
+
+
+__all__ = ["DEFAULT", "REFERENCE", "SOLVERS", "Program", "Solution", "Solver", "Status", "solver_named"]

@@ -1,0 +1,104 @@
+"""Sums of squares through CVXPY and Clarabel, coefficient by coefficient: the reference, one program after another."""
+
+import threading
+import time
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from cfjax.check.program import Exponents, monomials
+from cfjax.solver.program import CAP, NOT_FINITE, Program, Solution, Status, rows
+
+
+_CVXPY = threading.Lock()  # it numbers its variables by a counter that threads may not share
+
+
+class Clarabel:
+    """`workers` programs side by side."""
+
+    name = "clarabel"
+
+    def __init__(self, workers: int = 1) -> None:
+        self.workers = workers
+
+    def solve(self, programs: Sequence[Program]) -> list[Solution]:
+        """A solution for each program."""
+        with ThreadPoolExecutor(self.workers) as pool:
+            return list(pool.map(_solve, programs))
+
+
+def product_matrix(
+    factor: dict[Exponents, float], basis: tuple[Exponents, ...], places: dict[Exponents, int]
+) -> sp.csr_matrix:
+    """The matrix A with A vec(Q) = coefficients of factor · zᵀ Q z; rows in the order of `places`."""
+    size = len(basis)
+    at, column, value = [], [], []
+    for i, first in enumerate(basis):
+        for j, second in enumerate(basis):
+            for shift, weight in factor.items():
+                at.append(places[tuple(a + b + c for a, b, c in zip(first, second, shift, strict=True))])
+                column.append(i + size * j)
+                value.append(weight)
+    return sp.csr_matrix((value, (at, column)), shape=(len(places), size * size))
+
+
+def _solve(program: Program) -> Solution:
+    started = time.perf_counter()
+    if not program.is_finite:
+        return Solution.failed(Clarabel.name, NOT_FINITE)
+    places = rows(program.variables, 2 * max(program.degrees))
+    names = list(places)
+    vectors = [np.eye(1, len(places))[0], *program.constraints]  # of the free square's factor, 1
+    scales = [float(np.abs(vector).max()) or 1.0 for vector in vectors]
+    factors = [
+        {names[k]: vector[k] / scale for k in np.flatnonzero(vector)}
+        for vector, scale in zip(vectors, scales, strict=True)
+    ]
+    unit = float(np.abs(program.target).max()) or 1.0
+    fall = float(np.abs(program.drop).max()) or 1.0
+    cap = CAP if program.cap is None else program.cap * fall / unit
+    bases = [monomials(program.variables, degree) for degree in program.degrees]
+    with _CVXPY:
+        margin = cp.Variable()
+        grams = [cp.Variable((len(basis), len(basis)), PSD=True) for basis in bases]
+        total = program.drop / fall * margin
+        for factor, basis, gram in zip(factors, bases, grams, strict=True):
+            total = total + product_matrix(factor, basis, places) @ cp.vec(gram, order="F")
+        identity = total == program.target / unit
+        problem = cp.Problem(cp.Maximize(margin), [identity, margin <= cap])
+        data, chain, inverse = problem.get_problem_data(cp.CLARABEL, solver_opts={})
+        assert chain is not None
+    try:
+        answer = chain.solve_via_data(problem, data)  # Clarabel alone: other threads go on
+        with _CVXPY, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # "may be inaccurate": the status says so
+            problem.unpack_results(answer, chain, inverse)
+    except cp.SolverError as error:
+        return Solution.failed(Clarabel.name, str(error), time.perf_counter() - started)
+    values = [gram.value for gram in grams if gram.value is not None]
+    known = {"optimal": Status.OPTIMAL, "optimal_inaccurate": Status.INACCURATE}
+    if margin.value is None or len(values) < len(grams) or problem.status not in known:
+        return Solution.failed(Clarabel.name, str(problem.status), time.perf_counter() - started)
+    return Solution(
+        known[problem.status],
+        float(margin.value) * unit / fall,
+        tuple(0.5 * (gram + gram.T) * unit / scale for gram, scale in zip(values, scales, strict=True)),
+        time.perf_counter() - started,
+        Clarabel.name,
+        _second_moments(identity.dual_value, places, program.variables),
+    )
+
+
+def _second_moments(
+    dual: Float[np.ndarray, " rows"] | None, places: dict[Exponents, int], variables: int
+) -> Float[np.ndarray, "v v"] | None:
+    """E[y yᵀ] under the measure that the dual solution stands for: it lives on the points that limit λ."""
+    if dual is None or not abs(mass := dual[places[(0,) * variables]]) > 0:
+        return None
+    units = np.eye(variables, dtype=int)
+    return np.array([[dual[places[tuple(int(k) for k in a + b)]] / mass for b in units] for a in units])
