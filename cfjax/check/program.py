@@ -12,11 +12,11 @@ holds the funnel |r| ≤ bound, so target ≥ λ drop − bound ≥ (λ − boun
 import abc
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Any
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
 from cfjax.check.enclosure import Domain
 from cfjax.check.rational import bits, is_positive_definite
@@ -148,12 +148,22 @@ def monomials(variables: int, degree: int) -> tuple[Exponents, ...]:
     return tuple(sorted(every, key=lambda e: (sum(e), tuple(-k for k in e))))
 
 
-def quadratic_form(ring: fmpq_mpoly_ctx, gram: Matrix, basis: Sequence[Exponents]) -> fmpq_mpoly:
+def quadratic_form(ring: fmpq_mpoly_ctx, gram: Matrix, basis: tuple[Exponents, ...]) -> fmpq_mpoly:
     """zᵀ Q z for the monomials z with the exponents in `basis`."""
-    terms: dict[Exponents, fmpq] = {}
+    whole, denominator = fmpq_mat([list(row) for row in gram]).numer_denom()
+    rows = whole.tolist()
+    terms = {
+        exponents: fmpq(sum((rows[i][j] if i == j else 2 * rows[i][j] for i, j in places), fmpz(0)), denominator)
+        for exponents, places in _products(basis).items()
+    }
+    return ring.from_dict(terms)
+
+
+@cache
+def _products(basis: tuple[Exponents, ...]) -> dict[Exponents, list[tuple[int, int]]]:
+    """Where in the lower triangle of z zᵀ each monomial stands."""
+    found: dict[Exponents, list[tuple[int, int]]] = {}
     for i, first in enumerate(basis):
         for j in range(i + 1):
-            exponents = tuple(a + b for a, b in zip(first, basis[j], strict=True))
-            value = gram[i][j] if i == j else 2 * gram[i][j]
-            terms[exponents] = terms.get(exponents, fmpq(0)) + value
-    return ring.from_dict(terms)
+            found.setdefault(tuple(a + b for a, b in zip(first, basis[j], strict=True)), []).append((i, j))
+    return found

@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 from decimal import ROUND_HALF_EVEN, Context, Decimal, Inexact
 from fractions import Fraction
+from operator import mul
 
-from flint import arb, ctx, fmpq, fmpq_mat
+from flint import arb, ctx, fmpq, fmpq_mat, fmpz_mat
 
 
 DYADIC = 80  # bits behind the point of numbers that are rounded to be short
@@ -14,6 +15,8 @@ PRECISION_BITS = 128  # of the arb balls that bound π, exponentials and square 
 LONGEST_DYADIC = 2**16  # bits of what a ball may become: its exponent is a number of any size
 EXACT_DIGITS = 17  # a decimal that is exact is printed in full up to this length, any float's shortest form among them
 ROUNDED_DIGITS = 6
+FACTOR_BITS = 96  # of the largest entry of a matrix whose factor is rounded to whole numbers
+RESERVE = 2.0**-26  # of the largest diagonal entry: what rounding a factor may take; hints are padded by more
 
 ctx.prec = PRECISION_BITS
 
@@ -114,10 +117,10 @@ def float_below(value: fmpq) -> float:
 
 
 def is_positive_definite(matrix: Sequence[Sequence[fmpq]]) -> bool:
-    """Whether a symmetric rational matrix is positive definite, decided exactly by the pivots of LDLᵀ.
+    """Whether a symmetric rational matrix is positive definite, decided exactly.
 
-    The elimination is fraction-free (Bareiss) on the matrix cleared of denominators: its diagonal holds the leading
-    principal minors, all of which are positive exactly for a positive definite matrix (Sylvester).
+    A factor L that floating-point numbers suggest is rounded to whole numbers: where Q − L Lᵀ is strictly diagonally
+    dominant with a positive diagonal, Q is positive definite, whatever L is. Where it is not, elimination decides.
     """
     size = len(matrix)
     if any(len(row) != size for row in matrix):
@@ -125,7 +128,55 @@ def is_positive_definite(matrix: Sequence[Sequence[fmpq]]) -> bool:
     if any(matrix[i][j] != matrix[j][i] for i in range(size) for j in range(i)):
         return False
     numerator, _ = fmpq_mat([list(row) for row in matrix]).numer_denom()
-    rows = [[numerator[i, j] for j in range(size)] for i in range(size)]
+    return _is_dominated(numerator) or _has_positive_minors(numerator)
+
+
+def _is_dominated(matrix: fmpz_mat) -> bool:
+    """Whether the matrix less some L Lᵀ is strictly diagonally dominant, its diagonal positive: one L is tried."""
+    rows = [[int(entry) for entry in row] for row in matrix.tolist()]
+    largest = max((row[k] for k, row in enumerate(rows)), default=0)
+    if largest <= 0:
+        return False
+    shift = FACTOR_BITS - largest.bit_length()  # so that the largest entry of the matrix has as many bits
+    lower = _cholesky([[_scaled(entry, shift) for entry in row] for row in rows])
+    if lower is None:
+        return False
+    factor = fmpz_mat([[round(entry) for entry in row] for row in lower])
+    # L is that of 2^shift times the matrix
+    left = (matrix * 2**shift if shift >= 0 else matrix) - (factor * factor.transpose()) * (
+        2**-shift if shift < 0 else 1
+    )
+    return all(2 * row[k] > sum(map(abs, row)) for k, row in enumerate(left.tolist()))
+
+
+def _scaled(value: int, shift: int) -> float:
+    return float(value << shift) if shift >= 0 else float(value >> -shift)
+
+
+def _cholesky(matrix: list[list[float]]) -> list[list[float]] | None:
+    """A lower triangle L with L Lᵀ ≈ matrix − RESERVE · its largest diagonal entry · 1; None where there is none."""
+    size = len(matrix)
+    reserve = RESERVE * max(matrix[k][k] for k in range(size))
+    lower: list[list[float]] = []
+    for i, row in enumerate(matrix):
+        own: list[float] = []
+        for j in range(i):
+            own.append((row[j] - sum(map(mul, own, lower[j]))) / lower[j][j])
+        pivot = row[i] - reserve - sum(map(mul, own, own))
+        if not pivot > 0:
+            return None
+        lower.append([*own, math.sqrt(pivot), *[0.0] * (size - i - 1)])
+    return lower
+
+
+def _has_positive_minors(matrix: fmpz_mat) -> bool:
+    """By the pivots of LDLᵀ.
+
+    The elimination is fraction-free (Bareiss): its diagonal holds the leading principal minors, all of which are
+    positive exactly for a positive definite matrix (Sylvester).
+    """
+    size = matrix.nrows()
+    rows = [[matrix[i, j] for j in range(size)] for i in range(size)]
     previous = 1
     for k in range(size):
         pivot = rows[k][k]

@@ -5,8 +5,9 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from flint import fmpq
+from flint import fmpq, fmpz_mat
 
+from cfjax.check import rational as check_rational
 from cfjax.check.rational import (
     about,
     decimal_text,
@@ -103,3 +104,36 @@ def test_definiteness_is_decided_exactly() -> None:
     assert not is_positive_definite([[fmpq(2), fmpq(1)], [fmpq(0), fmpq(2)]])  # not symmetric
     with pytest.raises(ValueError, match="square"):
         is_positive_definite([[fmpq(1), fmpq(0)]])
+
+
+def test_a_rounded_factor_never_says_what_elimination_denies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gram matrices as they are written: of low rank, padded a little, or moved just out of the cone; also spoiled."""
+    rng = np.random.default_rng(0)
+    decided = {True: 0, False: 0}
+    for size in (1, 3, 15, 35):
+        for _ in range(25):
+            half = rng.normal(size=(size, rng.integers(1, size + 1)))
+            matrix = half @ half.T
+            padding = rng.choice([1e-5, 1e-7, 1e-9, -1e-9, -1e-7]) * np.abs(matrix).max()
+            bits = int(rng.integers(20, 60))
+            whole = fmpz_mat(
+                [[round(float(entry) * 2**bits) for entry in row] for row in matrix + padding * np.eye(size)]
+            )
+            answer = check_rational._is_dominated(whole)
+            decided[answer] += 1
+            if answer:
+                assert check_rational._has_positive_minors(whole)
+    assert min(decided.values()) > 20
+    # a factor of somebody else's is no proof
+    not_definite = fmpz_mat([[2**60, 2**60 + 1], [2**60 + 1, 2**60]])
+    for lower in ([[2.0**47, 0.0], [2.0**47, 1.0]], [[0.0, 0.0], [0.0, 0.0]], [[2.0**52, 0.0], [0.0, 2.0**52]]):
+        monkeypatch.setattr(check_rational, "_cholesky", lambda _, own=lower: own)
+        assert not check_rational._is_dominated(not_definite)
+
+
+def test_numbers_of_any_length_are_decided() -> None:
+    for scale in (fmpq(1, 2**2000), fmpq(1), fmpq(2**2000), fmpq(3**900, 7**900)):
+        assert is_positive_definite([[2 * scale, scale], [scale, 2 * scale]])
+        assert not is_positive_definite([[scale, 2 * scale], [2 * scale, scale]])
+        assert not is_positive_definite([[scale, fmpq(0)], [fmpq(0), fmpq(0)]])
+    assert is_positive_definite([[fmpq(2**3000), fmpq(0)], [fmpq(0), fmpq(1)]])  # of very unequal sizes
