@@ -232,6 +232,8 @@ def run(
 
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
+    if problem.path.source:
+        print(problem.path.source, flush=True)
     with progress_on() as progress:
         result = search(problem, options, progress).replace(command=command)
         result = write_run(

@@ -6,7 +6,7 @@ only what has no object of its own.
 
 import abc
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -124,8 +124,10 @@ class WaypointsConfig(PathConfig):
 
     kind: str = "waypoints"
     file: str = MISSING  # relative to where the command was started
-    closed: bool | None = None  # null: where the last point repeats the first
+    columns: list[str] | None = None  # names of all columns, with units, as [x_mm,y_mm,v_kmh]; null: the file's header
+    closed: bool | None = None  # null: where its end meets its beginning
     speed: float | None = None  # m/s at most; null: what the file says, or 2
+    least_speed: float | None = None  # m/s, where the file says less; null: a stop is refused
     lateral_acceleration: float = 4.0  # m/s²
     acceleration: float | None = 1.0  # m/s²; null: what thrust allows
     reserve: float = 0.2  # part of steering and of thrust
@@ -136,8 +138,10 @@ class WaypointsConfig(PathConfig):
         try:
             path = waypoints(
                 self.file,
+                columns=self.columns,
                 closed=self.closed,
                 speed=self.speed,
+                least_speed=self.least_speed,
                 lateral_acceleration=self.lateral_acceleration,
                 acceleration=self.acceleration,
                 reserve=self.reserve,
@@ -147,7 +151,7 @@ class WaypointsConfig(PathConfig):
             )
         except InputError as error:
             raise InputError(str(error) if str(error).startswith("path.") else f"path.file: {error}") from error
-        return Path(self.name, path.segments)
+        return replace(path, name=self.name)
 
 
 @dataclass

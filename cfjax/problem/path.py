@@ -5,7 +5,7 @@ needed for pictures, for files and by a car that knows where it is. θ is the ti
 at rate u0 along the clock.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -127,6 +127,7 @@ class Path:
 
     name: str
     segments: tuple[Segment | Tube, ...]
+    source: str = field(default="", compare=False)  # how the points that it was made of were taken, in one line
 
     def __post_init__(self) -> None:
         if not self.segments:

@@ -1,4 +1,6 @@
-"""A path from points in a CSV file: a smooth curve through them, at a speed that the car can drive.
+"""A path through points: a smooth curve, at a speed that the car can drive.
+
+Files, columns and units: `cfjax.problem.points`.
 
 The curve is a quintic spline over chord length: its curvature is twice continuously differentiable. The energy E = v²/2
 per kg along arc length s makes the limits on speed plain, for dv/dt = dE/ds:
@@ -11,10 +13,10 @@ by their minima over the same window before. What polynomials (`cfjax.problem.cu
 driving the whole profile a little slower: time stretched by c divides speed by c and acceleration by c².
 """
 
-import csv
 import math
 import warnings
-from os import PathLike
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path as File
 from typing import NamedTuple
 
@@ -26,19 +28,22 @@ from scipy.ndimage import minimum_filter1d
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve, path_along
 from cfjax.problem.path import Path, Profile, Segment, _positive
+from cfjax.problem.points import LONGEST, Course, Points, Source, at, course_of, read_points
 from cfjax.problem.vehicle import KinematicBicycle, Vehicle
 
 
 SPEED = 2.0  # m/s, where neither the file nor the caller says
 SEGMENT_LENGTH = 10.0  # m
 MOST_SEGMENTS = 10_000
-SHORTEST, LONGEST = 1e-3, 1e5  # m along the points: beyond, a file is in other units, or asks for all of the memory
 MOST_POINTS = 100_000  # with those that fill gaps
-MERGED = 1e-9  # of the extent of all points: closer ones are one point
 STRAIGHT = 1e-12  # of the extent: points that leave a line by less are on it
 LONGEST_GAP = 2.0  # of the median distance between neighbours: where points are farther apart the spline gets more
 SAMPLES_PER_POINT = 64  # at which curvature is looked at
 SHARPEST = 0.5  # rad between two samples: a cusp, whatever the curvature at the samples is
+BACK = 2.2  # rad: the way turns back where it turns by more at a point, and over the points around it too
+MOST_SMOOTHED = 20_000  # points for which a smoothing is looked for
+SETTLED = 0.7  # a smoothing that takes more than the rest of the largest curvature away has still noise to take
+LARGEST_STEP = 200.0  # wheelbases between neighbours, in a file of many points without units
 GRID = 4096  # cells of the speed profile, at least
 CELL = 0.05  # m, at most
 SMOOTHING_TIME = 0.25  # s: over so much at top speed, either way, acceleration is smoothed
@@ -48,18 +53,33 @@ ROUNDING = 1e-12
 LEAST_CHANGE = 1e-6  # relative: a speed that varies by less is constant
 
 
-class _Rows(NamedTuple):
-    row: np.ndarray  # (n,) line in the file, from 1
-    place: np.ndarray  # (n,) x + iy in m
-    speed: np.ndarray | None  # (n,) m/s
+class _Limits(NamedTuple):
+    """What the path keeps."""
+
+    speed: float | None  # m/s
+    lateral: float  # m/s²
+    thrust: float  # m/s²
+    reserve: float
+    car: KinematicBicycle | None  # None: one of whose steering nothing is known
+
+    @property
+    def bend(self) -> float:
+        """1/m."""
+        return math.inf if self.car is None else (1 - self.reserve) * self.car.max_tan_steering / self.car.wheelbase
+
+
+class _Rough(InputError):
+    """The points make no curve that the car can drive; less of their noise might."""
 
 
 @np.errstate(over="ignore", divide="ignore", invalid="ignore")  # what is not finite is refused by name
 def waypoints(
-    file: str | PathLike[str],
+    file: Source,
     *,
+    columns: Sequence[str] | None = None,
     closed: bool | None = None,
     speed: float | None = None,
+    least_speed: float | None = None,
     lateral_acceleration: float = 4.0,
     acceleration: float | None = 1.0,
     reserve: float = 0.2,
@@ -67,15 +87,25 @@ def waypoints(
     segment_length: float = SEGMENT_LENGTH,
     smoothing: float = 0.0,
 ) -> Path:
-    """The path through the points of a CSV file, in the order in which they stand there.
+    """The path through the points of a text file, or of memory, in the order in which they stand there.
 
-    The file has columns x and y (m) and, if wanted, speed (m/s, the most that is driven there); a header names them, in
-    any order and beside others (x, y, speed; also x_m, v and the like), without one the first columns are these.
-    Empty lines and lines that begin with # are skipped; points that repeat the one before are merged.
+    A file has columns x and y (m) and, if wanted, speed (m/s, the most that is driven there). A header names them, in
+    any order and beside others, with units if they are not m and m/s: `x, y, speed`, `pos_x_mm, pos_y_mm, v [km/h]`.
+    Without one the first columns are these; a third that may be no speed is refused. Separators, decimal sign and
+    encoding are recognised; lines that begin with # are skipped; points that repeat the one before are merged.
+
+    In memory they are rows x, y or x, y, speed (an array, a list), complex numbers x + iy, or columns by name (a
+    mapping, a data frame).
+
+    How everything was taken stands in one line in the path's `source`.
 
     Args:
-        closed: whether it is a lap; None: where the last point repeats the first.
+        file: the file's name, or the points.
+        columns: names of all columns, with units, instead of a header: `["x_mm", "y_mm", "time"]`.
+        closed: whether it is a lap; None: where its end meets its beginning, or runs over it, or would go on at the
+            first point.
         speed: the most that is driven anywhere, m/s; None: what the file says, or 2 m/s.
+        least_speed: where the file says less, such as 0 at a stop, this is driven there, m/s; None: a stop is refused.
         lateral_acceleration: largest |κ| v², m/s².
         acceleration: largest |dv/dt|, m/s², beside what thrust allows; None: thrust alone. The package's tubes hold 1
             m/s² at all speeds and 2 m/s² from 3 m/s on.
@@ -88,150 +118,176 @@ def waypoints(
     Raises:
         InputError: says what was expected, and in which row or where along the path it is not so.
     """
-    given = {"speed": speed, "acceleration": acceleration}
+    given = {"speed": speed, "least_speed": least_speed, "acceleration": acceleration}
     _positive("path", lateral_acceleration=lateral_acceleration, segment_length=segment_length)
     _positive("path", **{label: value for label, value in given.items() if value is not None})
     if not 0 <= reserve < 1:
         raise InputError(f"path.reserve: expected a part in [0, 1), got {reserve}")
     if not 0 <= smoothing <= LONGEST:
         raise InputError(f"path.smoothing: expected a distance in m from 0 to {LONGEST:g}, got {smoothing}")
+    if least_speed is not None and least_speed > (speed or math.inf):
+        raise InputError(f"path.least_speed: expected at most path.speed, {speed} m/s, got {least_speed}")
 
-    source = File(file)
-    rows, closed = _distinct(source, _read(source), closed)
-    curve, knots = _curve(source, rows, closed, smoothing)
-    bend, thrust = math.inf, math.inf
-    if isinstance(vehicle, KinematicBicycle):
-        bend = (1 - reserve) * vehicle.max_tan_steering / vehicle.wheelbase
-        thrust = (1 - reserve) * vehicle.max_thrust
-    elif acceleration is None:
-        raise InputError(f"path.acceleration: expected a number, as the thrust of a {vehicle.name} is not known")
-    _check_bends(source, curve, bend, reserve)
+    course = course_of(_moving(read_points(file, columns), least_speed), closed)
+    car = vehicle if isinstance(vehicle, KinematicBicycle) else None
+    thrust = math.inf if car is None else (1 - reserve) * car.max_thrust
     if acceleration is not None:
         thrust = min(thrust, acceleration)
-    cap = _cap(rows, curve, knots, closed, speed)
-    profile = _speed(curve, cap, lateral_acceleration, thrust, closed)
+    elif car is None:
+        raise InputError(f"path.acceleration: expected a number, as the thrust of a {vehicle.name} is not known")
+    limits = _Limits(speed, lateral_acceleration, thrust, reserve, car)
+    _check_size(course.points, car)
+    try:
+        return _path(course, limits, segment_length, smoothing)
+    except _Rough as rough:
+        _check_back(course)
+        raise InputError(f"{rough}{_way_out(course, limits, segment_length, smoothing)}") from None
+
+
+def _path(course: Course, limits: _Limits, segment_length: float, smoothing: float) -> Path:
+    points, closed = course.points, course.closed
+    curve, knots = _curve(points, closed, smoothing)
+    _check_bends(points, curve, limits)
+    cap = _cap(points, curve, knots, closed, limits.speed)
+    profile = _speed(curve, cap, limits.lateral, limits.thrust, closed)
     if curve.length > MOST_SEGMENTS * segment_length:
         raise InputError(
             f"path.segment_length: expected at least {curve.length / MOST_SEGMENTS:.3g} m for a path of "
             f"{curve.length:.6g} m, got {segment_length}"
         )
     count = max(1, round(curve.length / segment_length))
-    path = path_along("waypoints", curve, profile, segments=count)
-    return _slowed(path, cap, lateral_acceleration, thrust)
-
-
-# --- the file
-
-
-def _read(file: File) -> _Rows:
     try:
-        text = file.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{file}: expected a CSV file of waypoints, there is no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: expected a CSV file of waypoints, it cannot be read ({error})") from None
-    columns: tuple[int, int, int | None] | None = None
-    numbers, found = [], []
-    for number, line in enumerate(text.splitlines(), start=1):
-        comment = line.lstrip().startswith("#")
-        cells = [cell.strip() for cell in next(csv.reader([line.lstrip().lstrip("#")]), [])]
-        if not any(cells):
-            continue
-        if columns is None:
-            named = _named(cells)
-            if comment and named is None:
-                continue
-            columns = named or _counted(file, number, cells)
-            if named:
-                continue
-        if not comment:
-            numbers.append(number)
-            found.append(_point(file, number, cells, columns))
-    if not found or columns is None:
-        raise InputError(f"{file}: expected at least two points, one x,y a row; the file is empty")
-    table = np.array(found)
-    speed = None if columns[2] is None else table[:, 2]
-    return _Rows(np.array(numbers), table[:, 0] + 1j * table[:, 1], speed)
+        path = path_along("waypoints", curve, profile, segments=count)
+    except InputError as error:
+        raise _Rough(f"{points.source}: {error}") from None
+    path = _slowed(path, cap, limits.lateral, limits.thrust)
+    return replace(path, source=_account(course, path, curve, limits, smoothing))
 
 
-def _named(cells: list[str]) -> tuple[int, int, int | None] | None:
-    """Columns of x, y and speed where the cells are their names."""
-    names = [cell.lower().strip("\"' ").split("_")[0].split("[")[0].split("(")[0].strip() for cell in cells]
-    if "x" not in names or "y" not in names:
-        return None
-    fast = [names.index(name) for name in ("speed", "v", "vx", "velocity") if name in names]
-    return names.index("x"), names.index("y"), fast[0] if fast else None
+# --- what is said of the points
 
 
-def _counted(file: File, row: int, cells: list[str]) -> tuple[int, int, int | None]:
-    if len(cells) not in (2, 3) or not any(map(_is_number, cells)):
+def _account(course: Course, path: Path, curve: Curve, limits: _Limits, smoothing: float) -> str:
+    """How the points were taken, in one line."""
+    points, meaning = course.points, course.points.meaning
+    polynomials = [segment.speed.polynomial for segment in path.curve]
+    speeds = np.concatenate([polynomial(_looked_at(polynomial)) for polynomial in polynomials])
+    least, most = float(speeds.min()), float(speeds.max())
+    bend = float(np.abs(curve.curvature(_samples(curve))).max())
+    said = [
+        f"{len(points.place)} points",
+        f"{curve.length:#.3g} m".replace(". ", " "),
+        course.account,
+        f"{most:.3g} m/s" if most - least < 1e-3 * most else f"{least:.3g} to {most:.3g} m/s",
+        f"smallest radius {1 / bend:.3g} m" if bend * curve.length > 1e-6 else "straight",
+        *([f"smoothed by {smoothing:g} m"] if smoothing else []),
+        f"columns {', '.join(meaning.used)}",
+    ]
+    if points.speed is None and limits.speed is None:
+        said[3] += " (no speed is given)"
+    unused = [*meaning.unused[:6], *(["…"] if len(meaning.unused) > 6 else [])]
+    name = File(points.source).name if points.in_file else points.source
+    return f"{name}: {', '.join(said)}" + (f"; {', '.join(unused)} not used" if unused else "")
+
+
+def _moving(points: Points, least: float | None) -> Points:
+    """The points with speeds above 0.
+
+    Raises:
+        InputError: where the car stands, and `least` (m/s) does not say how fast it is instead; or goes back.
+    """
+    if points.speed is None:
+        return points
+    first = int(points.speed.argmin())
+    if points.speed[first] < 0:
         raise InputError(
-            f"{file}, row {row}: expected the numbers x,y or x,y,speed, or a header that names x and y; got "
-            f"{','.join(cells)[:60]}"
+            f"{points.at(first)}: expected a positive speed, got {points.speed[first]:.4g} m/s: driving backwards "
+            "is not planned; cut the points there"
         )
-    return 0, 1, 2 if len(cells) == 3 else None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _point(file: File, row: int, cells: list[str], columns: tuple[int, int, int | None]) -> list[float]:
-    result = []
-    for label, column in zip(("x", "y", "speed"), columns, strict=True):
-        if column is None:
-            continue
-        cell = cells[column] if column < len(cells) else ""
-        if not _is_number(cell):
-            raise InputError(f"{file}, row {row}: expected a number for {label}, got {cell!r}")
-        value = float(cell)
-        if not math.isfinite(value):
-            raise InputError(f"{file}, row {row}: expected a finite number for {label}, got {cell}")
-        if label == "speed" and value <= 0:
-            raise InputError(f"{file}, row {row}: expected a positive speed, got {cell}")
-        result.append(value)
-    return result
-
-
-def _distinct(file: File, rows: _Rows, closed: bool | None) -> tuple[_Rows, bool]:
-    """Points that differ from the one before, of a lap without the repeated first one; whether it is a lap."""
-    place = rows.place
-    if len(place) == 1:
-        raise InputError(f"{file}, row {rows.row[0]}: expected at least two points, got one")
-    same = MERGED * float(np.abs(place - place[0]).max())
-    if same == 0:
-        raise InputError(f"{file}: expected points that differ, all {len(place)} are {_at(place[0])}")
-    length = float(np.abs(np.diff(place)).sum())
-    if not SHORTEST <= length <= LONGEST:
+    if least is not None:
+        return points._replace(speed=np.maximum(points.speed, least))
+    if points.speed[first] == 0:
+        most = float(points.speed.max())
+        if most == 0:
+            raise InputError(f"{points.source}: expected a positive speed, got 0 in all rows")
         raise InputError(
-            f"{file}: expected points in m, between {SHORTEST:g} and {LONGEST:g} m along them, got {length:.4g} m"
+            f"{points.at(first)}: expected a positive speed, got 0, where a car cannot be steered; "
+            f"path.least_speed={min(1.0, _nice(most / 2)):g} drives no slower than that (m/s)"
         )
-    keep = [0]
-    for index in range(1, len(place)):
-        if abs(place[index] - place[keep[-1]]) > same:
-            keep.append(index)
-    returns = bool(abs(place[keep[-1]] - place[0]) <= same)
-    closed = returns if closed is None else closed
-    if closed and returns:
-        keep.pop()
-    if closed and len(keep) < 3:
-        raise InputError(f"{file}: expected at least three different points of a closed path, got {len(keep)}")
-    chosen = np.array(keep)
-    return _Rows(rows.row[chosen], place[chosen], None if rows.speed is None else rows.speed[chosen]), closed
+    return points
 
 
-def _at(place: complex) -> str:
-    return f"x = {place.real:.6g} m, y = {place.imag:.6g} m"
+def _check_size(points: Points, car: KinematicBicycle | None) -> None:
+    """Raises InputError where the distances of points are none that this car drives, and nobody said their unit."""
+    if car is None or points.meaning.units:
+        return
+    steps = np.abs(np.diff(points.place))
+    typical, length = float(np.median(steps)), float(steps.sum())
+    large = typical > LARGEST_STEP * car.wheelbase and len(steps) >= 20
+    if large or length < car.wheelbase:
+        got = f"{typical:.4g} m between points" if large else f"{length:.4g} m in all"
+        unit = "mm" if large else "km"
+        raise InputError(
+            f"{points.source}: expected points in m that suit a wheelbase of {car.wheelbase:g} m, got {got}: say their "
+            f"unit, as in x_{unit},y_{unit} or x_m,y_m, in the header or by path.columns=[x_{unit},y_{unit}]"
+        )
+
+
+def _check_back(course: Course) -> None:
+    """Raises InputError where the way through the points turns back at one of them, and over those around it."""
+    place = course.points.place
+    if course.closed:
+        place = place[np.arange(-4, len(place) + 5) % len(place)]
+    chords = np.diff(place)
+    turns = np.abs(np.angle(chords[1:] * np.conj(chords[:-1])))
+    for vertex in np.flatnonzero(turns > BACK) + 1:
+        around = [
+            np.angle((place[min(vertex + n, len(place) - 1)] - place[vertex]) * np.conj(place[vertex] - place[before]))
+            for n in (2, 3, 4)
+            if (before := max(vertex - n, 0)) < vertex
+        ]
+        if all(abs(turn) > BACK for turn in around):
+            index = (int(vertex) - 4) % len(course.points.place) if course.closed else int(vertex)
+            raise InputError(
+                f"{course.points.at(index)}: the path turns back on itself at {at(place[vertex])} (a cusp); expected a "
+                "way that is driven forwards: driving backwards is not planned; cut the points there"
+            )
+
+
+def _way_out(course: Course, limits: _Limits, segment_length: float, smoothing: float) -> str:
+    """The least smoothing with which these very points make a path, for the message; empty where none does."""
+    spacing = float(np.median(np.abs(np.diff(course.points.place))))
+    if len(course.points.place) > MOST_SMOOTHED:
+        return ""
+    exponents = range(math.floor(math.log10(spacing)) - 3, math.ceil(math.log10(spacing)) + 1)
+    values = [float(f"{digit}e{exponent}") for exponent in exponents for digit in (1, 2, 5)]
+    found, bend = None, math.inf
+    for value in (value for value in values if smoothing < value <= spacing):
+        try:
+            curve = _curve(course.points, course.closed, value)[0]
+            _check_bends(course.points, curve, limits)
+            largest = float(np.abs(curve.curvature(_samples(curve))).max())
+            if largest > SETTLED * bend:
+                break
+            _path(course, limits, segment_length, value)
+        except InputError:
+            continue
+        found, bend = value, largest
+    if found is None:
+        return ""
+    return f"; for points with noise, or rounded ones, path.smoothing={found:g} does it (passing them by {found:g} m)"
+
+
+def _nice(value: float) -> float:
+    """A number of one digit, not above this one."""
+    unit = 10.0 ** math.floor(math.log10(value))
+    return math.floor(value / unit) * unit
 
 
 # --- the curve
 
 
-def _curve(file: File, rows: _Rows, closed: bool, smoothing: float) -> tuple[Curve, np.ndarray]:
+def _curve(rows: Points, closed: bool, smoothing: float) -> tuple[Curve, np.ndarray]:
     """The spline, and the parameters (chord length, m) of the points; of a lap with the first one at the end again."""
     origin = rows.place[0]  # maps count from far away: there the differences of coordinates have few digits
     place = (np.append(rows.place, origin) if closed else rows.place) - origin
@@ -246,9 +302,9 @@ def _curve(file: File, rows: _Rows, closed: bool, smoothing: float) -> tuple[Cur
         )
         return line, points
     if smoothing:
-        spline = _smooth(file, chords, _columns(place), closed, smoothing)
+        spline = _smooth(rows.source, chords, _columns(place), closed, smoothing)
     else:
-        place, own = _filled(file, place, chords, closed)
+        place, own = _filled(rows.source, place, chords, closed)
         chords = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(place)))])
         if closed:
             # a periodic spline needs more points than its degree; a cubic one has continuous curvature too
@@ -273,7 +329,7 @@ def _curve(file: File, rows: _Rows, closed: bool, smoothing: float) -> tuple[Cur
     return Curve(derivative(0), derivative(1), derivative(2), knots), points
 
 
-def _filled(file: File, place: np.ndarray, chords: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
+def _filled(file: str, place: np.ndarray, chords: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
     """The points, with more of them in long gaps, and where the own ones are among them.
 
     A quintic spline that comes from dense points into a long gap swings far out; Akima's curve, which looks at the
@@ -303,7 +359,7 @@ def _columns(place: np.ndarray) -> np.ndarray:
     return np.stack([np.real(place), np.imag(place)], axis=1)
 
 
-def _smooth(file: File, chords: np.ndarray, table: np.ndarray, closed: bool, smoothing: float) -> BSpline:
+def _smooth(file: str, chords: np.ndarray, table: np.ndarray, closed: bool, smoothing: float) -> BSpline:
     degree = min(5, len(chords) - 1)
     try:
         with warnings.catch_warnings():
@@ -315,37 +371,43 @@ def _smooth(file: File, chords: np.ndarray, table: np.ndarray, closed: bool, smo
     return BSpline(t, np.array(c).T, k)
 
 
-def _check_bends(file: File, curve: Curve, largest: float, reserve: float) -> None:
-    """Raises InputError where the curve bends more than the steering allows, or turns back on itself."""
+def _samples(curve: Curve) -> Float[np.ndarray, " n"]:
+    """Parameters at which curvature is looked at."""
     knots = np.array(curve.knots)
-    u = np.unique(np.linspace(knots[:-1], knots[1:], SAMPLES_PER_POINT + 1))
+    return np.unique(np.linspace(knots[:-1], knots[1:], SAMPLES_PER_POINT + 1))
+
+
+def _check_bends(points: Points, curve: Curve, limits: _Limits) -> None:
+    """Raises _Rough where the curve bends more than the steering allows, or turns on the spot."""
+    u = _samples(curve)
     first = curve.first(u)
     with np.errstate(divide="ignore", invalid="ignore"):
         kappa = np.nan_to_num(np.abs(curve.curvature(u)), nan=math.inf)
     turns = np.abs(np.angle(first[1:] * np.conj(first[:-1])))
     kappa[:-1][turns > SHARPEST] = math.inf
     worst = int(kappa.argmax())
-    if kappa[worst] <= largest and math.isfinite(kappa[worst]):
+    if kappa[worst] <= limits.bend and math.isfinite(kappa[worst]):
         return
     place = curve.position(u)
     arc = float(np.abs(np.diff(place[: worst + 1])).sum())
-    bend = f"a radius of {1 / kappa[worst]:.4g} m" if math.isfinite(kappa[worst]) else "a cusp"
-    if math.isinf(largest):
-        raise InputError(
-            f"{file}: after {arc:.4g} m, at {_at(place[worst])}, the path through the points turns back on itself; "
-            "expected points of a smooth curve"
-        )
-    raise InputError(
-        f"{file}: after {arc:.4g} m, at {_at(place[worst])}, the path through the points has a curvature of "
-        f"{kappa[worst]:.4g} 1/m ({bend}); expected at most {largest:.4g} 1/m, which the steering allows with a "
-        f"reserve of {reserve:g}"
+    near = int(np.abs(points.place - place[worst]).argmin())
+    where = f"{points.at(near)}: after {arc:.4g} m, at {at(place[worst])}, the path through the points"
+    car = limits.car
+    if car is None:
+        raise _Rough(f"{where} turns on the spot; expected points of a smooth curve")
+    bend = f"with a radius of {1 / kappa[worst]:.3g} m" if math.isfinite(kappa[worst]) else "on the spot"
+    angles = [math.degrees(math.atan(w)) for w in (kappa[worst] * car.wheelbase, limits.bend * car.wheelbase)]
+    raise _Rough(
+        f"{where} turns {bend}, which takes a steering angle of {angles[0]:.3g}°; expected a radius of at least "
+        f"{1 / limits.bend:.4g} m, {angles[1]:.3g}°, which is what path.reserve={limits.reserve:g} leaves of the car's "
+        f"{math.degrees(math.atan(car.max_tan_steering)):.3g}°"
     )
 
 
 # --- the speed
 
 
-def _cap(rows: _Rows, curve: Curve, knots: np.ndarray, closed: bool, speed: float | None) -> PPoly:
+def _cap(rows: Points, curve: Curve, knots: np.ndarray, closed: bool, speed: float | None) -> PPoly:
     """The speed asked for (m/s), by arc length (m): linear between points."""
     if rows.speed is None:
         level = SPEED if speed is None else speed
@@ -419,7 +481,7 @@ def _slowed(path: Path, cap: PPoly, lateral: float, thrust: float) -> Path:
         return path
     part = 1 / math.sqrt(excess * (1 + ROUNDING))
     slower = (Segment(_stretched(s.turn_rate, part), _stretched(s.speed, part), s.start) for s in path.curve)
-    return Path(path.name, tuple(slower))
+    return replace(path, segments=tuple(slower))
 
 
 def _product(first: PPoly, second: PPoly) -> PPoly:

@@ -212,7 +212,8 @@ def test_a_lap_is_recognised_or_asked_for(write: Callable[..., File]) -> None:
     line = racing_line()
     recognised = waypoints(write(line), vehicle=CAR)
     assert waypoints(write(line[:-1]), closed=True, vehicle=CAR) == recognised
-    open_ = waypoints(write(line[:-1]), vehicle=CAR)
+    assert waypoints(write(line[:-1]), vehicle=CAR) == recognised
+    open_ = waypoints(write(line[:-1]), closed=False, vehicle=CAR)
     assert sampled(open_)[4][-1] < sampled(recognised)[4][-1] - 0.5
     ends = sampled(waypoints(write(line), closed=False, vehicle=CAR))[0][[0, -1]]
     assert abs(ends[1] - ends[0]) < 1e-9
@@ -271,20 +272,20 @@ BAD = {
     "0,0,1\n1,0,0\n": r", row 2: expected a positive speed, got 0",
     "x,y,speed\n0,0,-2\n1,0,1\n": r", row 2: expected a positive speed, got -2",
     "0,0,1\n1,0,\n": r", row 2: expected a number for speed, got ''",
-    "lon,lat\n0,0\n1,0\n": r", row 1: expected the numbers x,y or x,y,speed, or a header .* x and y; got lon,lat",
+    "lon,lat\n0,0\n1,0\n": r": row 1: expected x and y in m, got latitude and longitude: project them",
     "1,2,3,4\n5,6,7,8\n": r", row 1: expected the numbers x,y or x,y,speed",
     "1\n2\n": r", row 1: expected the numbers x,y",
-    "0;0\n1;0\n": r", row 1: expected the numbers x,y",
+    "0 0,0\n1;0\n": r", row 1: expected the numbers x,y",
     "0,0\n1e300,0\n1e300,1e300\n": r"expected points in m, between 0\.001 and 100000 m along them, got 2e\+300 m",
     "0,0\n1e-300,0\n": r"expected points in m, between 0\.001 and 100000 m along them, got 1e-300 m",
     "0,0\n0.0001,0\n0.0002,0\n1000,0\n1000,1\n1000,1.0001\n1000,1.0002\n": r"expected points at more even distances, "
     r"or at most 100000: at the median distance, 0\.0001 m, the whole way would need 5\d+",
     "0,0\n1,0\n0,0\n": r"expected at least three different points of a closed path, got 2",
-    "0,0\n1,0\n2,0\n1,0\n0.5,0\n": r"after \d\S* m, at x = (2|1\.99|2\.00)\d* m, y = 0 m, .* \(a cusp\); "
-    r"expected at most 2\.353 1/m",
-    "0,0\n1,0\n2,0\n2.2,0.2\n2,0.4\n1,0.4\n0,0.4\n": r"after \d\S* m, at x = \S+ m, y = \S+ m, the path through the "
-    r"points has a curvature of \S+ 1/m \(a radius of 0\.\d+ m\); expected at most 2\.353 1/m, which the steering "
-    r"allows with a reserve of 0\.2",
+    "0,0\n1,0\n2,0\n1,0\n0.5,0\n": r", row 3: the path turns back on itself at x = 2 m, y = 0 m \(a cusp\); "
+    r"expected a way that is driven forwards",
+    "0,0\n1,0\n2,0\n2.2,0.2\n2,0.4\n1,0.4\n0,0.4\n": r", row 4: after \d\S* m, at x = \S+ m, y = \S+ m, the path "
+    r"through the points turns with a radius of 0\.101 m, which takes a steering angle of 73\.4°; expected a radius of at "
+    r"least 0\.425 m, 38\.7°, which is what path\.reserve=0\.2 leaves of the car's 45°$",
 }
 
 
@@ -312,7 +313,8 @@ def test_where_the_steering_ends_is_told(write: Callable[..., File]) -> None:
     points[-1] = points[0]
     waypoints(write(points), vehicle=CAR, reserve=0.3)
     with pytest.raises(
-        InputError, match=r"after \S+ m, at x = -?3 m, .* curvature of 2\.09\d 1/m .* at most 1\.818 1/m"
+        InputError,
+        match=r", row 21: after \S+ m, at x = -3 m, .* radius of 0\.478 m, .* 34\.6°; expected .* 0\.55 m, 31°",
     ):
         waypoints(write(points), vehicle=CAR, reserve=0.4)
 

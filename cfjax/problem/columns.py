@@ -1,0 +1,383 @@
+"""What the columns of a table of points mean: which ones are x, y and speed, and in which units.
+
+A column is known by its name (`x`, `pos_x_m`, `position.x [mm]`, `speed_kmh`). Without names a table of two columns is
+x, y; a third one is a speed only where it can be one and nothing else. What can be meant in two ways is refused, with
+the names between which to choose.
+"""
+
+import itertools
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from cfjax.errors import InputError
+
+
+FASTEST = 120.0  # m/s: no car is faster
+WINDS = 1e-3  # spread of directions about their mean, 1 − |mean of e^{iψ}|: below, a way is straight
+FOLLOWS = 0.1  # of that spread is left between the way and a column that is its heading
+SAME = 0.02  # quarters of a turn between a straight way's direction, or an axis from it, and a column that says it
+ASK = "name the columns in a header, or by path.columns=[x,y,speed]"
+
+_LENGTHS = {
+    1.0: "m meter meters metre metres",
+    1e-3: "mm millimeter millimeters millimetre millimetres",
+    1e-2: "cm centimeter centimeters centimetre centimetres",
+    1e-1: "dm decimeter decimeters decimetre decimetres",
+    1e3: "km kilometer kilometers kilometre kilometres",
+    1e-6: "um µm μm",
+    0.3048: "ft foot feet",
+    0.0254: "inch inches",
+    0.9144: "yd yard yards",
+    1609.344: "mi mile miles",
+}
+_SPEEDS = {
+    1.0: "m/s mps ms-1 ms",
+    1 / 3.6: "km/h kmh kph kmph km/hr kmh-1",
+    0.44704: "mph mi/h",
+    0.3048: "ft/s fps",
+    1852 / 3600: "kn kt kts knot knots",
+    1e-2: "cm/s cmps cms-1",
+    1e-3: "mm/s mmps mms-1",
+}
+LENGTHS = {unit: factor for factor, units in _LENGTHS.items() for unit in units.split()}
+SPEEDS = {unit.replace("/", ""): factor for factor, units in _SPEEDS.items() for unit in units.split()}
+_OTHERS = (
+    "deg degree degrees ° rad radian radians px pixel pixels pct percent % rpm rads radps degs normalized norm cells"
+)
+OTHERS = frozenset(_OTHERS.split())
+_SHOWN = "m, mm, cm, km, ft, inch, yd or mi"
+_SHOWN_SPEEDS = "m/s, km/h, mph, ft/s, kn, cm/s or mm/s"
+
+_SPEED_WORDS = frozenset(["speed", "v", "vx", "vel", "velocity", "geschwindigkeit"])
+_NOT_DRIVEN = frozenset(
+    [
+        "y",
+        "z",
+        "vy",
+        "vz",
+        "lateral",
+        "lat",
+        "angular",
+        "yaw",
+        "turn",
+        "rotation",
+        "wheel",
+        "engine",
+        "wind",
+        "err",
+        "error",
+        "std",
+        "sigma",
+        "var",
+        "acc",
+        "accuracy",
+    ]
+)
+_EAST_NORTH = {"east": "x", "easting": "x", "north": "y", "northing": "y"}
+_NO_PLACES = frozenset(
+    [
+        "v",
+        "vel",
+        "velocity",
+        "speed",
+        "a",
+        "acc",
+        "accel",
+        "acceleration",
+        "jerk",
+        "j",
+        "d",
+        "dot",
+        "delta",
+        "n",
+        "normal",
+        "normvec",
+        "normals",
+        "t",
+        "tangent",
+        "dir",
+        "direction",
+        "q",
+        "quat",
+        "quaternion",
+        "orientation",
+        "twist",
+        "angular",
+        "linear",
+        "rate",
+        "w",
+        "omega",
+        "force",
+        "f",
+        "std",
+        "sigma",
+        "cov",
+        "var",
+        "err",
+        "error",
+        "e",
+        "grad",
+        "size",
+        "scale",
+        "g",
+        "gyro",
+        "mag",
+        "o",
+        "u",
+    ]
+)
+
+
+class Meaning(NamedTuple):
+    """Which columns are x, y and speed, and what makes m and m/s of their numbers."""
+
+    columns: tuple[int, int, int | None]
+    factors: tuple[float, float, float]
+    used: tuple[str, ...]
+    unused: tuple[str, ...]
+    units: bool  # whether x and y say theirs
+
+
+class _Name(NamedTuple):
+    text: str
+    words: tuple[str, ...]
+    unit: str | None  # as LENGTHS, SPEEDS and OTHERS have it, or one that is not known
+
+
+def meaning_of(names: Sequence[str]) -> Meaning | None:
+    """What columns of such names mean; None where none is named x and y.
+
+    Raises:
+        InputError: where they can be meant in several ways, or are in units that are not known. The message says
+            nothing of where the names stand.
+    """
+    parsed = [_parsed(name) for name in names]
+    pair = _places(parsed)
+    if pair is None:
+        return None
+    x, y = parsed[pair[0]], parsed[pair[1]]
+    scales = [_factor(column, LENGTHS, "a length", _SHOWN) for column in (x, y)]
+    if (x.unit is None) != (y.unit is None):
+        raise InputError(f"expected units of both or of none, got the columns {x.text} and {y.text}")
+    speed = _speed(parsed)
+    fast = 1.0
+    if speed is not None:
+        column = parsed[speed]
+        fast = _factor(column, SPEEDS, "a speed", _SHOWN_SPEEDS)
+        if column.unit is None and set(scales) != {1.0}:
+            raise InputError(
+                f"expected a unit of the speed beside {x.text}, got {column.text}: write {column.text}_mps"
+            )
+        if column.unit is None and any("change_flag" in name.text.lower() for name in parsed):
+            own = {pair[0]: "x", pair[1]: "y", speed: "speed_kmh"}
+            written = ",".join(own.get(index, "_") for index in range(len(names)))
+            raise InputError(
+                f"expected a unit of {column.text}, got none, and beside change_flag it is usually km/h: "
+                f"path.columns=[{written}] says so (speed_mps, where it is m/s)"
+            )
+    chosen: tuple[int, int, int | None] = (*pair, speed)
+    used = tuple(parsed[index].text for index in chosen if index is not None)
+    unused = tuple(name.text for index, name in enumerate(parsed) if index not in chosen and name.words)
+    return Meaning(chosen, (scales[0], scales[1], fast), used, unused, x.unit is not None)
+
+
+def meaning_by_place(table: Float[np.ndarray, "n columns"], plain: bool) -> Meaning:
+    """What two or three columns without names are: x, y and, where it can be nothing else, a speed.
+
+    `plain`: whether the first column holds whole numbers, and another one does not.
+
+    Raises:
+        InputError: where the third column cannot be a speed, or may as well be something else.
+    """
+    if table.shape[1] == 2:
+        return Meaning((0, 1, None), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)"), (), False)
+    place, third = table[:, 0] + 1j * table[:, 1], table[:, 2]
+    if problem := _no_speed(place, third) or _counted(table, plain):
+        raise InputError(f"{problem}; {ASK}, with another name for what is none of these")
+    return Meaning((0, 1, 2), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)", "3 (speed, m/s)"), (), False)
+
+
+def too_fast(name: str, fastest: float) -> str | None:
+    """Why that cannot be a speed in m/s."""
+    if fastest <= FASTEST:
+        return None
+    return (
+        f"expected at most {FASTEST:g} m/s in the column {name}, got {fastest:.4g}: say its unit, as in speed_kmh, in "
+        "the header or by path.columns=[x,y,speed_kmh]"
+    )
+
+
+def geographic(names: Sequence[str]) -> str | None:
+    """Why columns of such names are no places in a plane, where they are latitude and longitude."""
+    words = {word for name in names for word in _parsed(name).words}
+    if words & {"lat", "latitude"} and words & {"lon", "lng", "long", "longitude"}:
+        return "expected x and y in m, got latitude and longitude: project them to a plane first (UTM, for one)"
+    return None
+
+
+def units_in(text: str) -> str | None:
+    """The unit of length, other than m, of which a comment speaks."""
+    found = re.findall(r"[^\W\d_]+", text.lower())
+    return next((word for word in found if LENGTHS.get(word, 1.0) != 1.0), None)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell is the unit of the column above or below it."""
+    bare = text.strip("[]() ")
+    return bare in ("", "-", "1", "s") or _unit(bare) is not None
+
+
+# --- names
+
+
+def _parsed(name: str) -> _Name:
+    """A column's name as words and a unit: `positionX [mm]`, `speed_km_h`, `x in m`."""
+    text = " ".join(name.strip().strip("\"'").split())
+    bare, unit = text, None
+    if bracket := re.search(r"\s*[\[({<]\s*(.*?)\s*[\])}>]\s*", text):
+        bare = (text[: bracket.start()] + " " + text[bracket.end() :]).strip()
+        content = bracket.group(1)
+        if re.fullmatch(r"\d*", content) or content == "-":
+            bare = text[: bracket.start()] + text[bracket.end() :]
+        else:
+            unit = "inch" if content.lower() in ("in", '"') else _unit(content) or content
+    bare = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Za-z])(?=\d)", "_", bare).lower()
+    parts = [part for part in re.split(r"[^\w°%µμ]+|_+", bare) if part]
+    if unit is None:
+        for count in (3, 2, 1):
+            tail = parts[-count:]
+            if len(parts) > count and (known := _unit("/".join(tail))) and (count == 1 or known in SPEEDS):
+                parts, unit = parts[:-count], known
+                break
+    if unit is None and len(parts) == 1 and (glued := re.fullmatch(r"(x|y|vx|v|speed|velocity|vel)([a-z]+)", parts[0])):
+        word, rest = glued.groups()
+        if rest in LENGTHS if word in "xy" else rest in SPEEDS:
+            parts, unit = [word], rest
+    if unit and len(parts) > 1 and parts[-1] == "in":  # x in mm
+        parts = parts[:-1]
+    return _Name(text, tuple(parts), unit)
+
+
+def _unit(text: str) -> str | None:
+    """A unit's name in the tables, however it is written: `km/h`, `km h^-1`, `Meters`."""
+    bare = re.sub(r"\bper\b", "", text.lower().replace("⁻¹", "-1"))
+    bare = re.sub(r"[\s/*·^_.]+", "", bare)
+    return bare if bare in LENGTHS or bare in SPEEDS or bare in OTHERS else None
+
+
+def _factor(column: _Name, units: dict[str, float], kind: str, shown: str) -> float:
+    if column.unit is None:
+        if len(column.words) > 1 and column.words[-1] == "in":
+            raise InputError(f"expected inches written out, or another name, got the column {column.text}")
+        return 1.0
+    if column.unit not in units:
+        raise InputError(f"expected {kind} in {shown}, got the column {column.text}")
+    return units[column.unit]
+
+
+def _places(parsed: list[_Name]) -> tuple[int, int] | None:
+    """The columns of x and y: those that are called just so, or the only two that differ in nothing but x and y."""
+    found: dict[tuple[str, ...], tuple[list[int], list[int]]] = {}
+    for index, name in enumerate(parsed):
+        for words in (name.words, tuple(_EAST_NORTH.get(word, word) for word in name.words)):
+            axes = [word for word in words if word in ("x", "y")]
+            if len(axes) == 1 and not set(words) & _NO_PLACES:
+                key = tuple("*" if word == axes[0] else word for word in words)
+                found.setdefault(key, ([], []))["xy".index(axes[0])].append(index)
+                break
+    if not any(xs and ys for xs, ys in found.values()):  # px, py; xs, ys; posx, posy
+        for index, name in enumerate(parsed):
+            word = "_".join(name.words)
+            for at in (i for i, letter in enumerate(word) if letter in "xy"):
+                stem = word[:at] + "*" + word[at + 1 :]
+                if stem.replace("*", "") not in _NO_PLACES | {"ma", ""} and not set(name.words) & _NO_PLACES:
+                    found.setdefault((stem,), ([], []))["xy".index(word[at])].append(index)
+    pairs = {words: pair for words, pair in found.items() if all(pair)}
+    if ("*",) in pairs:
+        pairs = {("*",): pairs["*",]}
+    several = [parsed[index].text for pair in pairs.values() for index in sorted(pair[0] + pair[1])]
+    if len(several) > 2:
+        raise InputError(
+            f"expected one column of x and one of y, got {', '.join(several)}: name the two that are meant x and y, in "
+            "the header or by path.columns=[...]"
+        )
+    return next(((xs[0], ys[0]) for xs, ys in pairs.values()), None)
+
+
+def _speed(parsed: list[_Name]) -> int | None:
+    """The column of the speed: the one that is called just so, or the only one whose name says it."""
+    named = [i for i, name in enumerate(parsed) if set(name.words) & _SPEED_WORDS and not set(name.words) & _NOT_DRIVEN]
+    plain = [i for i in named if len(parsed[i].words) == 1]
+    found = plain or named
+    if len(found) > 1:
+        raise InputError(
+            f"expected one column of the speed, got {', '.join(parsed[i].text for i in found)}: name the one that is "
+            "meant speed, in the header or by path.columns=[...]"
+        )
+    if not found:
+        return None
+    along = parsed[found[0]]
+    across = tuple({"vx": "vy", "x": "y"}.get(word, word) for word in along.words)
+    if across != along.words and (other := next((name for name in parsed if name.words == across), None)):
+        raise InputError(
+            f"expected one column of the speed, got {along.text} and {other.text}, components along the body or along "
+            "the map: name the one that is the speed along the body speed, or take both out"
+        )
+    return found[0]
+
+
+# --- columns without names
+
+
+def _no_speed(place: np.ndarray, third: np.ndarray) -> str | None:
+    """Why the third column is no speed, or is as likely something else."""
+    least, most = float(third.min()), float(third.max())
+    said = f"expected a speed in m/s in the third column, which has no name, got {least:.6g} to {most:.6g}"
+    steps = np.diff(third)
+    if most > FASTEST:
+        return f"{said}, " + ("time stamps?" if (steps > 0).all() else "no speed of a car")
+    if len(third) > 2 and ((steps > 0).all() or (steps < 0).all()):
+        return f"{said}, which never turns back: time, or the way driven?"
+    if least < 0 or most == 0:
+        return f"{said}: a heading, a curvature or a height?"
+    if _is_heading(place, third):
+        return f"{said}, which turns with the path: a heading?"
+    return None
+
+
+def _is_heading(place: np.ndarray, third: np.ndarray) -> bool:
+    """Whether the column turns as the way through the points does: in rad or degrees, from any axis, either way."""
+    chords = np.diff(place)
+    moving = np.abs(chords) > 0
+    if moving.sum() < 2:
+        return False
+    way, column = chords[moving] / np.abs(chords[moving]), third[:-1][moving]
+    spread = 1 - abs(way.mean())
+    for unit, each in itertools.product((1.0, np.pi / 180), (way, np.conj(way))):
+        between = (np.exp(1j * unit * column) * np.conj(each)).mean()  # of length 1 where the angle between is constant
+        left = 1 - abs(between)
+        quarters = float(np.angle(between)) / (np.pi / 2)
+        if (spread > WINDS and left < FOLLOWS * spread) or (left < WINDS and abs(quarters - round(quarters)) < SAME):
+            return True
+    return False
+
+
+def _counted(table: np.ndarray, plain: bool) -> str | None:
+    """Why the first column counts or times the points, rather than being x."""
+    first, steps = table[:, 0], np.diff(table[:, 0])
+    if len(first) < 4:
+        return None
+    even = bool((steps > 0).all() and np.ptp(steps) <= 1e-6 * abs(steps[0]))
+    if not even:
+        return None
+    if plain and first[0] in (0, 1) and steps[0] == 1:
+        return "expected x in the first column, which has no name, got the numbers of the points"
+    moved = np.abs(np.diff(table[:, 1] + 1j * table[:, 2])) > 0
+    repeated = (np.diff(table[:, 2]) == 0).mean()
+    if moved.all() and repeated < 0.5:
+        return "expected x, y and speed in three columns without names, got time, x and y as likely"
+    return None

@@ -1,0 +1,397 @@
+"""Points of a path in metres, from a file or from memory, and whether they are a lap."""
+
+import math
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path as File
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+from scipy.spatial import KDTree
+
+from cfjax.errors import InputError
+from cfjax.problem.columns import (
+    ASK,
+    Meaning,
+    geographic,
+    is_unit,
+    meaning_by_place,
+    meaning_of,
+    too_fast,
+    units_in,
+)
+from cfjax.problem.point_file import Line, Table, number, read_table
+
+
+SHORTEST, LONGEST = 1e-3, 1e5  # m along the points: beyond, a file is in other units, or asks for all of the memory
+MERGED = 1e-9  # of the extent of all points: closer ones are one point
+REPEATED = 0.05  # of the median distance of neighbours: a last point that is nearer to the first one repeats it
+MEETING = 0.5  # so near it repeats the first one too, if the path ends in the direction in which it begins
+FOLLOWING = 1.5  # so near the first point is the next one, if that is straight ahead
+BESIDE = 0.25  # so near a path runs over its beginning
+AHEAD = math.pi / 4  # rad
+MOST_BETWEEN = 50  # points between two, on average, where a path is compared with its beginning
+
+Source = str | PathLike[str] | Any
+
+
+class Points(NamedTuple):
+    """n points in the order in which they are driven."""
+
+    source: str  # for messages
+    row: Int[np.ndarray, " n"]  # line in the file, from 1; index in memory, from 0
+    place: Complex[np.ndarray, " n"]  # x + iy in m
+    speed: Float[np.ndarray, " n"] | None  # m/s
+    meaning: Meaning
+    in_file: bool
+
+    def at(self, index: int) -> str:
+        """The name of a point, for messages."""
+        return f"{self.source}, row {self.row[index]}" if self.in_file else f"{self.source}[{self.row[index]}]"
+
+    def chosen(self, index: np.ndarray) -> "Points":
+        speed = None if self.speed is None else self.speed[index]
+        return self._replace(row=self.row[index], place=self.place[index], speed=speed)
+
+
+class Course(NamedTuple):
+    """Points that differ from the one before; of a lap without the first one at its end again."""
+
+    points: Points
+    closed: bool
+    account: str  # "closed (gap 0.9 mm)", for people
+
+
+def read_points(source: Source, columns: Sequence[str] | None = None) -> Points:
+    """The points of a file; or of an array, a list of rows, a mapping or a data frame with columns by name.
+
+    `columns` names the columns, instead of a header.
+
+    Raises:
+        InputError: says in one line what was expected, and in which row it is not so.
+    """
+    if columns is not None and (isinstance(columns, str) or not all(isinstance(name, str) for name in columns)):
+        raise InputError(f"path.columns: expected a list of names, as [x,y,speed], got {columns}")
+    if isinstance(source, str | PathLike):
+        return _of_file(File(source).expanduser(), columns)
+    return _of_memory(source, columns)
+
+
+def at(place: complex) -> str:
+    return f"x = {place.real:.6g} m, y = {place.imag:.6g} m"
+
+
+# --- from a file
+
+
+def _of_file(file: File, columns: Sequence[str] | None) -> Points:
+    table = read_table(file)
+    try:
+        meaning = _named(table, columns)
+        if meaning is None:
+            meaning = _unnamed(file, table)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith((str(file), "path.")) else f"{file}: {text}") from None
+    values = _values(file, table, meaning.columns)
+    return _points(str(file), np.array(table.numbers), values, meaning, True)
+
+
+def _named(table: Table, columns: Sequence[str] | None) -> Meaning | None:
+    """What the columns mean by their names; None where they have none."""
+    if columns is not None:
+        if len(columns) < table.width:
+            raise InputError(
+                f"path.columns: expected a name for each of {table.width} columns, got {', '.join(columns)}"
+            )
+        return _known(columns)
+    units: list[str] | None = None
+    shorter: str | None = None
+    for line in reversed(table.before):
+        for names in table.names_in(line):
+            if any(number(name, table.decimal) is not None for name in names) or len(names) < 2:
+                continue
+            if len(names) == table.width and not line.comment and all(map(is_unit, names)):
+                units = [name.strip("[]() ") for name in names]
+                break
+            full = [*names, *[""] * (table.width - len(names))]
+            if units and len(names) == len(units):
+                full = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+            if len(names) < table.width and line.comment:
+                continue
+            if (meaning := meaning_of(full)) is None:
+                continue
+            if len(names) >= table.width:
+                _look_for_units(table, meaning, line)
+                return meaning
+            shorter = f"row {line.number} names {len(names)} columns, row {table.numbers[0]} has {table.width}"
+    if shorter:
+        comma = " (a decimal comma needs another separator than a comma)" if table.separator == "," else ""
+        raise InputError(f"expected a name for each column, but {shorter}{comma}")
+    return None
+
+
+def _known(columns: Sequence[str]) -> Meaning:
+    try:
+        meaning = meaning_of(columns)
+    except InputError as error:
+        raise InputError(f"path.columns: {error}") from None
+    if meaning is None:
+        raise InputError(f"path.columns: expected a name for x and one for y, got {', '.join(columns)}")
+    return meaning
+
+
+def _unnamed(file: File, table: Table) -> Meaning:
+    """What the columns mean by their place."""
+    for line in table.before:
+        for names in table.names_in(line):
+            if problem := geographic(names):
+                raise InputError(f"row {line.number}: {problem}")
+    titles = [line for line in table.before if not line.comment]
+    if titles or table.width > 3:
+        line = titles[-1].number if titles else table.numbers[0]
+        text = titles[-1].text.strip() if titles else ",".join(table.rows[0])
+        raise InputError(
+            f"{file}, row {line}: expected the numbers x,y or x,y,speed, or a header that names x and y; got "
+            f"{text[:60]}; {ASK}"
+        )
+    first = [cell for row in table.rows for cell in row[:1]]
+    others = [cell for row in table.rows for cell in row[1:]]
+    plain = all(cell.isdecimal() for cell in first) and not all(cell.lstrip("+-").isdecimal() for cell in others)
+    columns = (0, 1, 2) if table.width == 3 else (0, 1, None)
+    meaning = meaning_by_place(_values(file, table, columns), plain)
+    _look_for_units(table, meaning)
+    return meaning
+
+
+def _look_for_units(table: Table, meaning: Meaning, header: Line | None = None) -> None:
+    """Raises InputError where a comment beside the header speaks of a unit that the columns do not have."""
+    if meaning.units:
+        return
+    for line in table.before:
+        if line.comment and line != header and (unit := units_in(line.text)):
+            raise InputError(
+                f"row {line.number} speaks of {unit}: expected the unit in the names of columns, as x_{unit},y_{unit} "
+                "(or x_m,y_m, where they are in metres), in the header or by path.columns=[...]"
+            )
+
+
+def _values(file: File, table: Table, columns: tuple[int, int, int | None]) -> Float[np.ndarray, "n columns"]:
+    """The numbers of x, y and, where there is such a column, speed."""
+    labels = [(label, column) for label, column in zip(("x", "y", "speed"), columns, strict=True) if column is not None]
+    found = np.empty((len(table.rows), len(labels)))
+    for index, (line, row) in enumerate(zip(table.numbers, table.rows, strict=True)):
+        for place, (label, column) in enumerate(labels):
+            cell = row[column] if column < len(row) else ""
+            value = number(cell, table.decimal)
+            if value is None:
+                raise InputError(f"{file}, row {line}: expected a number for {label}, got {cell[:60]!r}")
+            if not math.isfinite(value):
+                raise InputError(f"{file}, row {line}: expected a finite number for {label}, got {cell}")
+            found[index, place] = value
+    return found
+
+
+# --- from memory
+
+
+def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
+    """Rows x, y and perhaps speed; what has columns by name is read by them."""
+    names, values = columns, source
+    if isinstance(source, Mapping) or (hasattr(source, "columns") and hasattr(source, "__getitem__")):
+        own = [str(name) for name in (source if isinstance(source, Mapping) else source.columns)]
+        if columns is None and not all(name.isdecimal() for name in own):
+            names = own
+        elif columns is not None and len(columns) < len(own):
+            raise InputError(f"path.columns: expected a name for each of {len(own)} columns, got {', '.join(columns)}")
+        keys = list(source) if isinstance(source, Mapping) else list(source.columns)
+        values = [source[key] for key in keys]
+        meaning = None if names is None else _of_names(names)
+        if meaning is not None:
+            chosen = [column for column in meaning.columns if column is not None]
+            table = _array([values[column] for column in chosen])
+            return _in_memory(table.T, meaning)
+        return _in_memory(_array(values).T, None)
+    array = _array(values)
+    if np.iscomplexobj(array) and array.ndim == 1:
+        array = np.stack([array.real, array.imag], axis=1)
+    if array.ndim != 2 or np.iscomplexobj(array) or (names is None and array.shape[1] not in (2, 3)):
+        hint = f" (transposed?); {ASK}" if array.ndim == 2 else ""
+        raise InputError(
+            f"points: expected the name of a file, rows x, y or x, y, speed, or columns by name; got "
+            f"{type(source).__name__} of shape {array.shape}{hint}"
+        )
+    if names is None:
+        return _in_memory(array, None)
+    if len(names) < array.shape[1]:
+        raise InputError(f"path.columns: expected a name for each of {array.shape[1]} columns, got {', '.join(names)}")
+    meaning = _of_names(names)
+    chosen = [column for column in meaning.columns if column is not None]
+    if max(chosen) >= array.shape[1]:
+        raise InputError(f"path.columns: expected {array.shape[1]} names, got {', '.join(names)}")
+    return _in_memory(array[:, chosen], meaning)
+
+
+def _of_names(names: Sequence[str]) -> Meaning:
+    try:
+        if meaning := meaning_of(names):
+            return meaning
+    except InputError as error:
+        raise InputError(f"points: {error}") from None
+    if problem := geographic(names):
+        raise InputError(f"points: {problem}")
+    raise InputError(f"points: expected columns that are named x and y, got {', '.join(names)[:100]}")
+
+
+def _array(values: Any) -> np.ndarray:
+    kind = type(values).__name__
+    try:
+        array = np.asarray(values)
+        return array.astype(complex if array.dtype.kind == "c" else float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(
+            f"points: expected the name of a file, rows of numbers x, y or x, y, speed, or columns by name; got {kind} "
+            f"{str(values)[:60]!r}"
+        ) from None
+
+
+def _in_memory(table: Float[np.ndarray, "n columns"], meaning: Meaning | None) -> Points:
+    if len(table) < 2:
+        raise InputError(f"points: expected at least two points, got {len(table)}")
+    bad = np.argwhere(~np.isfinite(table))
+    if len(bad):
+        row, column = bad[0]
+        raise InputError(
+            f"points[{row}]: expected a finite number for {('x', 'y', 'speed')[column]}, got {table[row, column]}"
+        )
+    if meaning is None:
+        try:
+            meaning = meaning_by_place(table, False)
+        except InputError as error:
+            raise InputError(f"points: {error}") from None
+    return _points("points", np.arange(len(table)), table, meaning, False)
+
+
+# --- in metres
+
+
+def _points(
+    source: str, row: Int[np.ndarray, " n"], table: Float[np.ndarray, "n columns"], meaning: Meaning, in_file: bool
+) -> Points:
+    x, y, fast = meaning.factors
+    speed = None
+    if meaning.columns[2] is not None:
+        speed = table[:, 2] * fast
+        if problem := too_fast(meaning.used[2], float(speed.max())):
+            raise InputError(f"{source}: {problem}")
+    return Points(source, row, table[:, 0] * x + 1j * (table[:, 1] * y), speed, meaning, in_file)
+
+
+# --- a lap, or not
+
+
+def course_of(points: Points, closed: bool | None) -> Course:
+    """Points that differ from the one before, and whether they are a lap: None decides by where they end."""
+    place = points.place
+    if len(place) == 1:
+        raise InputError(f"{points.at(0)}: expected at least two points, got one")
+    same = MERGED * float(np.abs(place - place[0]).max())
+    if same == 0:
+        raise InputError(f"{points.source}: expected points that differ, all {len(place)} are {at(place[0])}")
+    length = float(np.abs(np.diff(place)).sum())
+    if not SHORTEST <= length <= LONGEST:
+        raise InputError(
+            f"{points.source}: expected points in m, between {SHORTEST:g} and {LONGEST:g} m along them, got "
+            f"{length:.4g} m: say their unit, as in x_mm,y_mm, in the header or by path.columns=[x_mm,y_mm]"
+        )
+    keep = [0]
+    for index in range(1, len(place)):
+        if abs(place[index] - place[keep[-1]]) > same:
+            keep.append(index)
+    points = points.chosen(np.array(keep))
+    if closed is False:
+        count, account = len(keep), f"open (ends {_metres(abs(points.place[-1] - points.place[0]))} apart)"
+    else:
+        count, account = _lap(points.place, same)
+        if closed and count == 0:
+            count, account = len(keep), f"closed (gap {_metres(abs(points.place[-1] - points.place[0]))})"
+    if closed is None:
+        closed = count > 0
+    if count == 0:
+        gap = abs(points.place[-1] - points.place[0])
+        count, account = len(keep), f"open (ends {_metres(gap)} apart)"
+    if closed and count < 3:
+        raise InputError(f"{points.source}: expected at least three different points of a closed path, got {count}")
+    return Course(points.chosen(np.arange(count)), closed, account)
+
+
+def _lap(place: Complex[np.ndarray, " n"], same: float) -> tuple[int, str]:
+    """How many of the points are one lap, the rest repeating its beginning, and how it closes; 0 where none does."""
+    first, last = place[0], place[-1]
+    gap, chords = abs(last - first), np.abs(np.diff(place))
+    spacing = float(np.median(chords))
+    if beyond := _beyond(place[:-1] if gap <= same else place, spacing):
+        extra = float(chords[beyond - 1 :].sum() - abs(first - place[beyond - 1]))
+        kept = beyond - 1 if abs(place[beyond - 1] - first) <= BESIDE * spacing else beyond
+        return kept, f"closed (runs {_metres(max(extra, 0.0))} beyond its start, which is cut off)"
+    if gap <= same:
+        return len(place) - 1, "closed"
+    if gap <= REPEATED * spacing:
+        return len(place) - 1, f"closed (gap {_metres(gap)})"
+    if len(place) < 4:
+        return 0, ""
+    begins, ends = _direction(place), _direction(place[::-1]) * -1
+    if gap <= MEETING * spacing and _turn(ends, begins) <= AHEAD:
+        return len(place) - 1, f"closed (gap {_metres(gap)})"
+    joint = first - last
+    straight = max(_turn(place[-1] - place[-2], joint), _turn(joint, place[1] - place[0])) <= AHEAD
+    if gap <= FOLLOWING * max(spacing, min(chords[0], chords[-1])) and straight:
+        return len(place), f"closed (gap {_metres(gap)}, the first point follows the last)"
+    return 0, ""
+
+
+def _beyond(place: Complex[np.ndarray, " n"], spacing: float) -> int:
+    """The first point that comes after the first one again, where all that follow run over the beginning; else 0."""
+    near = BESIDE * spacing
+    begin, step = place[:-1], np.diff(place)
+    part = np.clip(((place[0] - begin) * np.conj(step)).real / np.abs(step) ** 2, 0.0, 1.0)
+    passes = np.abs(place[0] - begin - part * step) <= near
+    passes &= np.abs(np.angle(step * np.conj(place[1] - place[0]))) <= AHEAD
+    away = np.flatnonzero(np.abs(place - place[0]) > 2 * spacing)
+    if not len(away):
+        return 0
+    passes[: away[0]] = False
+    if not passes.any():
+        return 0
+    after = int(passes.argmax()) + 1
+    known = _filled(np.append(place[:after], place[0]), near)
+    away = KDTree(_columns(known)).query(_columns(place[after:]))[0] if len(known) else np.array([np.inf])
+    return after if away.max() <= 1.5 * near else 0
+
+
+def _filled(place: Complex[np.ndarray, " n"], step: float) -> Complex[np.ndarray, " m"]:
+    """Points along the straight lines between points, no farther apart; none, where that were too many."""
+    count = np.maximum(1, np.ceil(np.abs(np.diff(place)) / step)).astype(int)
+    if count.sum() > MOST_BETWEEN * len(place):
+        return place[:0]
+    own = np.concatenate([[0], np.cumsum(count)])
+    return np.interp(np.arange(own[-1] + 1), own, place)
+
+
+def _columns(place: Complex[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+    return np.stack([np.real(place), np.imag(place)], axis=1)
+
+
+def _direction(place: Complex[np.ndarray, " n"]) -> complex:
+    """In which the points begin: over the first few of them, so that noise says little."""
+    return complex(place[min(3, len(place) - 1)] - place[0])
+
+
+def _turn(before: complex, after: complex) -> float:
+    return abs(float(np.angle(after * np.conj(before))))
+
+
+def _metres(length: float) -> str:
+    """A length for people: 0.9 mm, 0.31 m, 22 m."""
+    return f"{1e3 * length:.2g} mm" if length < 0.01 else f"{length:.3g} m"
