@@ -1,4 +1,4 @@
-"""Files of points as people write them: a path of known length in metres, in any of their forms, from one random seed."""
+"""Files of points as people write them: a path of known length in metres, in any of their forms, from a seed."""
 
 import csv
 import io
@@ -171,8 +171,7 @@ def _named_places(draw: random.Random, place: np.ndarray, unit: str) -> list[tup
         names = draw.choice([["easting", "northing"], ["East", "North"]])
     wrote = draw.choice(UNITS)
     names = [wrote.format(name, unit) if unit else name for name in names]
-    columns = list(zip(names, (place.real / scale, place.imag / scale), strict=True))
-    return columns
+    return list(zip(names, (place.real / scale, place.imag / scale), strict=True))
 
 
 def _with_unit(draw: random.Random, name: str, unit: str) -> str:

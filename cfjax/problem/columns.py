@@ -45,90 +45,27 @@ _SPEEDS = {
 }
 LENGTHS = {unit: factor for factor, units in _LENGTHS.items() for unit in units.split()}
 SPEEDS = {unit.replace("/", ""): factor for factor, units in _SPEEDS.items() for unit in units.split()}
-_OTHERS = (
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+OTHERS = _words(
     "deg degree degrees ° rad radian radians px pixel pixels pct percent % rpm rads radps degs normalized norm cells"
 )
-OTHERS = frozenset(_OTHERS.split())
 _SHOWN = "m, mm, cm, km, ft, inch, yd or mi"
 _SHOWN_SPEEDS = "m/s, km/h, mph, ft/s, kn, cm/s or mm/s"
-
-_SPEED_WORDS = frozenset(["speed", "v", "vx", "vel", "velocity", "geschwindigkeit"])
-_NOT_DRIVEN = frozenset(
-    [
-        "y",
-        "z",
-        "vy",
-        "vz",
-        "lateral",
-        "lat",
-        "angular",
-        "yaw",
-        "turn",
-        "rotation",
-        "wheel",
-        "engine",
-        "wind",
-        "err",
-        "error",
-        "std",
-        "sigma",
-        "var",
-        "acc",
-        "accuracy",
-    ]
-)
 _EAST_NORTH = {"east": "x", "easting": "x", "north": "y", "northing": "y"}
-_NO_PLACES = frozenset(
-    [
-        "v",
-        "vel",
-        "velocity",
-        "speed",
-        "a",
-        "acc",
-        "accel",
-        "acceleration",
-        "jerk",
-        "j",
-        "d",
-        "dot",
-        "delta",
-        "n",
-        "normal",
-        "normvec",
-        "normals",
-        "t",
-        "tangent",
-        "dir",
-        "direction",
-        "q",
-        "quat",
-        "quaternion",
-        "orientation",
-        "twist",
-        "angular",
-        "linear",
-        "rate",
-        "w",
-        "omega",
-        "force",
-        "f",
-        "std",
-        "sigma",
-        "cov",
-        "var",
-        "err",
-        "error",
-        "e",
-        "grad",
-        "size",
-        "scale",
-        "g",
-        "gyro",
-        "mag",
-        "o",
-        "u",
-    ]
+_SPEED_WORDS = _words("speed v vx vel velocity geschwindigkeit")
+_NOT_DRIVEN = _words(  # speeds of something else, or numbers that are no speeds
+    "y z vy vz lateral lat angular yaw turn rotation wheel engine wind err error std sigma var acc accuracy min factor "
+    "ratio scale"
+)
+_NO_PLACES = _words(  # components of something else
+    "v vel velocity speed a acc accel acceleration jerk j d dot delta n normal normvec normals t tangent dir direction "
+    "q quat quaternion orientation twist angular linear rate w omega force f std sigma cov var err error e grad size "
+    "scale g gyro mag o u"
 )
 
 
@@ -193,6 +130,8 @@ def meaning_by_place(table: Float[np.ndarray, "n columns"], plain: bool) -> Mean
     Raises:
         InputError: where the third column cannot be a speed, or may as well be something else.
     """
+    if table.shape[1] not in (2, 3):
+        raise InputError(f"expected columns x, y or x, y, speed, or names, got {table.shape[1]} without names; {ASK}")
     if table.shape[1] == 2:
         return Meaning((0, 1, None), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)"), (), False)
     place, third = table[:, 0] + 1j * table[:, 1], table[:, 2]
@@ -324,8 +263,8 @@ def _speed(parsed: list[_Name]) -> int | None:
     across = tuple({"vx": "vy", "x": "y"}.get(word, word) for word in along.words)
     if across != along.words and (other := next((name for name in parsed if name.words == across), None)):
         raise InputError(
-            f"expected one column of the speed, got {along.text} and {other.text}, components along the body or along "
-            "the map: name the one that is the speed along the body speed, or take both out"
+            f"expected one column of the speed, got {along.text} and {other.text}, components along the body or "
+            "along the map: name the one along the body speed, or take both out"
         )
     return found[0]
 
@@ -376,8 +315,8 @@ def _counted(table: np.ndarray, plain: bool) -> str | None:
         return None
     if plain and first[0] in (0, 1) and steps[0] == 1:
         return "expected x in the first column, which has no name, got the numbers of the points"
-    moved = np.abs(np.diff(table[:, 1] + 1j * table[:, 2])) > 0
-    repeated = (np.diff(table[:, 2]) == 0).mean()
-    if moved.all() and repeated < 0.5:
+    way = np.diff(table[:, 1] + 1j * table[:, 2])
+    onwards = np.abs(way).min() > 0 and np.abs(np.angle(way[1:] * np.conj(way[:-1]))).max() < np.pi / 2
+    if onwards and (np.diff(table[:, 2]) == 0).mean() < 0.5:
         return "expected x, y and speed in three columns without names, got time, x and y as likely"
     return None

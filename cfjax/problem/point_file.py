@@ -14,10 +14,10 @@ from typing import NamedTuple
 from cfjax.errors import InputError
 
 
-SEPARATORS = (",", ";", "\t", "|", " ")  # a blank: any run of blanks
+SEPARATORS = (",", ";", "\t", "|", " ")  # a blank: any run of blanks and tabs
 DECIMALS = (".", ",")
 COMMENTS = ("#", "%", "//")
-LOOKED_AT = 300  # rows from which separator and decimal sign are read off
+LOOKED_AT = 100  # rows from which separator and decimal sign are read off
 LARGEST = 200_000_000  # bytes: more is no list of waypoints
 
 _NUMBER = re.compile(r"[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
@@ -82,18 +82,20 @@ def _table(file: File, lines: list[Line], separators: Sequence[str]) -> Table:
     rows = [line for line in lines if not line.comment]
     if not rows:
         raise InputError(f"{file}: expected at least two points, one x,y a row; the file is empty")
-    separator, decimal = max(
-        itertools.product(separators, DECIMALS), key=lambda way: _count_numbers(rows[:LOOKED_AT], *way)
+    sample = "".join(line.text for line in rows[:LOOKED_AT])
+    ways = itertools.product(
+        [each for each in separators if each in sample] or separators[:1], DECIMALS if "," in sample else DECIMALS[:1]
     )
+    separator, decimal = max(ways, key=lambda way: _count_numbers(rows[:LOOKED_AT], *way))
     if not any(_count_numbers(rows[:LOOKED_AT], separator, decimal)):
-        text = rows[0].text.strip()
-        if all(line.text.strip().strip(",;\t|")[:1].isalpha() for line in rows):
-            raise InputError(
-                f"{file}: expected at least two points, one x,y a row; the file is empty but for {text[:60]}"
-            )
+        line = next((line for line in rows if any(map(str.isdecimal, line.text))), None)
+        if line is None:
+            text = rows[0].text.strip()[:60]
+            raise InputError(f"{file}: expected at least two points, one x,y a row; the file is empty but for {text}")
+        both = " (numbers with signs for thousands?)" if re.search(r"\d[.,]\d+[.,]\d", line.text) else ""
         raise InputError(
-            f"{file}, row {rows[0].number}: expected the numbers x,y or x,y,speed, or a header that names x and y; got "
-            f"{text[:60]}"
+            f"{file}, row {line.number}: expected the numbers x,y or x,y,speed, or a header that names x and y; got "
+            f"{line.text.strip()[:60]}{both}"
         )
     cells = [_cells(line.text, separator) for line in rows]
     first = next(i for i, row in enumerate(cells) if _numbers(row, decimal) >= 2)

@@ -71,10 +71,11 @@ def read_points(source: Source, columns: Sequence[str] | None = None) -> Points:
     Raises:
         InputError: says in one line what was expected, and in which row it is not so.
     """
-    if columns is not None and (isinstance(columns, str) or not all(isinstance(name, str) for name in columns)):
+    listed = isinstance(columns, Sequence) and not isinstance(columns, str)
+    if columns is not None and not (listed and all(isinstance(name, str) for name in columns)):
         raise InputError(f"path.columns: expected a list of names, as [x,y,speed], got {columns}")
     if isinstance(source, str | PathLike):
-        return _of_file(File(source).expanduser(), columns)
+        return _of_file(File(source), columns)
     return _of_memory(source, columns)
 
 
@@ -114,7 +115,7 @@ def _named(table: Table, columns: Sequence[str] | None) -> Meaning | None:
                 continue
             if len(names) == table.width and not line.comment and all(map(is_unit, names)):
                 units = [name.strip("[]() ") for name in names]
-                break
+                break  # they belong to the names above
             full = [*names, *[""] * (table.width - len(names))]
             if units and len(names) == len(units):
                 full = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
@@ -170,7 +171,7 @@ def _look_for_units(table: Table, meaning: Meaning, header: Line | None = None) 
     if meaning.units:
         return
     for line in table.before:
-        if line.comment and line != header and (unit := units_in(line.text)):
+        if line is not header and (unit := units_in(line.text)):
             raise InputError(
                 f"row {line.number} speaks of {unit}: expected the unit in the names of columns, as x_{unit},y_{unit} "
                 "(or x_m,y_m, where they are in metres), in the header or by path.columns=[...]"
@@ -198,39 +199,41 @@ def _values(file: File, table: Table, columns: tuple[int, int, int | None]) -> F
 
 def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
     """Rows x, y and perhaps speed; what has columns by name is read by them."""
-    names, values = columns, source
-    if isinstance(source, Mapping) or (hasattr(source, "columns") and hasattr(source, "__getitem__")):
-        own = [str(name) for name in (source if isinstance(source, Mapping) else source.columns)]
-        if columns is None and not all(name.isdecimal() for name in own):
-            names = own
-        elif columns is not None and len(columns) < len(own):
-            raise InputError(f"path.columns: expected a name for each of {len(own)} columns, got {', '.join(columns)}")
-        keys = list(source) if isinstance(source, Mapping) else list(source.columns)
-        values = [source[key] for key in keys]
-        meaning = None if names is None else _of_names(names)
-        if meaning is not None:
-            chosen = [column for column in meaning.columns if column is not None]
-            table = _array([values[column] for column in chosen])
-            return _in_memory(table.T, meaning)
-        return _in_memory(_array(values).T, None)
-    array = _array(values)
-    if np.iscomplexobj(array) and array.ndim == 1:
-        array = np.stack([array.real, array.imag], axis=1)
-    if array.ndim != 2 or np.iscomplexobj(array) or (names is None and array.shape[1] not in (2, 3)):
-        hint = f" (transposed?); {ASK}" if array.ndim == 2 else ""
+    by_name = _columns_of(source)
+    if by_name is None:
+        table = _array(source)
+        table = _columns(table) if np.iscomplexobj(table) and table.ndim == 1 else table
+        width = table.shape[-1] if table.ndim == 2 else 0
+    else:
+        table, width = None, len(by_name)
+    if columns is not None and len(columns) != width:
+        raise InputError(f"path.columns: expected a name for each of {width} columns, got {', '.join(columns)}")
+    names = list(columns if columns is not None else by_name or ())
+    meaning = None if all(name.isdecimal() for name in names) else _of_names(names)
+    chosen = range(width) if meaning is None else [column for column in meaning.columns if column is not None]
+    if by_name is not None:
+        parts = list(by_name.values())
+        table = _array([parts[column] for column in chosen]).T
+    elif meaning is not None and table is not None:
+        table = table[:, list(chosen)]
+    assert table is not None
+    if table.ndim != 2 or np.iscomplexobj(table) or (table.shape[1] > 3 and table.shape[0] <= 3):
+        hint = " (transposed?)" if table.ndim == 2 else ""
         raise InputError(
             f"points: expected the name of a file, rows x, y or x, y, speed, or columns by name; got "
-            f"{type(source).__name__} of shape {array.shape}{hint}"
+            f"{type(source).__name__} of shape {table.shape}{hint}"
         )
-    if names is None:
-        return _in_memory(array, None)
-    if len(names) < array.shape[1]:
-        raise InputError(f"path.columns: expected a name for each of {array.shape[1]} columns, got {', '.join(names)}")
-    meaning = _of_names(names)
-    chosen = [column for column in meaning.columns if column is not None]
-    if max(chosen) >= array.shape[1]:
-        raise InputError(f"path.columns: expected {array.shape[1]} names, got {', '.join(names)}")
-    return _in_memory(array[:, chosen], meaning)
+    return _in_memory(table, meaning)
+
+
+def _columns_of(source: Any) -> dict[str, Any] | None:
+    """The columns of a mapping, a data frame or a structured array by their names; None of what has none."""
+    if isinstance(source, np.ndarray):
+        return None if source.dtype.names is None else {name: source[name] for name in source.dtype.names}
+    names = source if isinstance(source, Mapping) else getattr(source, "columns", None)
+    if isinstance(source, type) or names is None or not hasattr(source, "__getitem__"):
+        return None
+    return {str(name): source[name] for name in names}
 
 
 def _of_names(names: Sequence[str]) -> Meaning:
@@ -245,14 +248,16 @@ def _of_names(names: Sequence[str]) -> Meaning:
 
 
 def _array(values: Any) -> np.ndarray:
-    kind = type(values).__name__
+    """Real or complex numbers."""
     try:
         array = np.asarray(values)
+        if array.dtype.kind not in "iufcOUS":
+            raise TypeError
         return array.astype(complex if array.dtype.kind == "c" else float)
     except (TypeError, ValueError, OverflowError):
         raise InputError(
-            f"points: expected the name of a file, rows of numbers x, y or x, y, speed, or columns by name; got {kind} "
-            f"{str(values)[:60]!r}"
+            "points: expected the name of a file, rows of numbers x, y or x, y, speed, or columns of them by name; got "
+            f"{type(values).__name__} {' '.join(str(values).split())[:60]}"
         ) from None
 
 
@@ -331,7 +336,7 @@ def _lap(place: Complex[np.ndarray, " n"], same: float) -> tuple[int, str]:
     first, last = place[0], place[-1]
     gap, chords = abs(last - first), np.abs(np.diff(place))
     spacing = float(np.median(chords))
-    if beyond := _beyond(place[:-1] if gap <= same else place, spacing):
+    if beyond := _beyond(place[:-1] if gap <= MEETING * spacing else place, spacing):
         extra = float(chords[beyond - 1 :].sum() - abs(first - place[beyond - 1]))
         kept = beyond - 1 if abs(place[beyond - 1] - first) <= BESIDE * spacing else beyond
         return kept, f"closed (runs {_metres(max(extra, 0.0))} beyond its start, which is cut off)"

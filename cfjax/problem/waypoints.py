@@ -147,7 +147,7 @@ def waypoints(
 def _path(course: Course, limits: _Limits, segment_length: float, smoothing: float) -> Path:
     points, closed = course.points, course.closed
     curve, knots = _curve(points, closed, smoothing)
-    _check_bends(points, curve, limits)
+    _check_bends(course, curve, limits)
     cap = _cap(points, curve, knots, closed, limits.speed)
     profile = _speed(curve, cap, limits.lateral, limits.thrust, closed)
     if curve.length > MOST_SEGMENTS * segment_length:
@@ -265,7 +265,7 @@ def _way_out(course: Course, limits: _Limits, segment_length: float, smoothing: 
     for value in (value for value in values if smoothing < value <= spacing):
         try:
             curve = _curve(course.points, course.closed, value)[0]
-            _check_bends(course.points, curve, limits)
+            _check_bends(course, curve, limits)
             largest = float(np.abs(curve.curvature(_samples(curve))).max())
             if largest > SETTLED * bend:
                 break
@@ -377,9 +377,9 @@ def _samples(curve: Curve) -> Float[np.ndarray, " n"]:
     return np.unique(np.linspace(knots[:-1], knots[1:], SAMPLES_PER_POINT + 1))
 
 
-def _check_bends(points: Points, curve: Curve, limits: _Limits) -> None:
+def _check_bends(course: Course, curve: Curve, limits: _Limits) -> None:
     """Raises _Rough where the curve bends more than the steering allows, or turns on the spot."""
-    u = _samples(curve)
+    points, u = course.points, _samples(curve)
     first = curve.first(u)
     with np.errstate(divide="ignore", invalid="ignore"):
         kappa = np.nan_to_num(np.abs(curve.curvature(u)), nan=math.inf)
@@ -391,7 +391,8 @@ def _check_bends(points: Points, curve: Curve, limits: _Limits) -> None:
     place = curve.position(u)
     arc = float(np.abs(np.diff(place[: worst + 1])).sum())
     near = int(np.abs(points.place - place[worst]).argmin())
-    where = f"{points.at(near)}: after {arc:.4g} m, at {at(place[worst])}, the path through the points"
+    joint = " (where the lap closes)" if course.closed and near in (0, len(points.place) - 1) else ""
+    where = f"{points.at(near)}: after {arc:.4g} m, at {at(place[worst])}{joint}, the path through the points"
     car = limits.car
     if car is None:
         raise _Rough(f"{where} turns on the spot; expected points of a smooth curve")

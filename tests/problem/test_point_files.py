@@ -1,8 +1,10 @@
 """Files of points in the forms in which people have them: read as they were meant, or refused in one line."""
 
 from pathlib import Path as File
+from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -14,20 +16,331 @@ from cfjax.problem.waypoints import waypoints
 from tests.written import Written, written
 
 
+CASES = File(__file__).parents[1] / "cases"
+CAR = KinematicBicycle(wheelbase=0.33)
+FUZZ = settings(deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def length(path) -> float:
+    return sum(float(segment.speed.polynomial.integrate(0, segment.duration)) for segment in path.curve)
+
+
+# --- files that people brought
+
+LAP = r"closed, 2 m/s \(no speed is given\), smallest radius 1.67 m"
+READ = {
+    "raceline_semicolon": r"72 points, 22.0 m, closed, 2 m/s, smallest radius 1.67 m, columns x_m, y_m, vx_mps; s_m",
+    "decimal_comma": rf"72 points, 22.0 m, {LAP}, columns x, y",
+    "units_mm": r"72 points, 22.0 m, closed, 2 m/s \(no .* given\), smallest radius 1.63 m, columns x_mm, y_mm",
+    "speed_kmh": r"72 points, 22.0 m, closed, 2 m/s, smallest radius 1.67 m, columns x, y, speed_kmh",
+    "nearly_closed_1mm": rf"72 points, 22.0 m, {LAP.replace('closed', r'closed .gap 0.92 mm.')}, columns x, y",
+    "not_repeated_widths": r"72 points, 22.0 m, closed \(gap 0.301 m, the first .*; w_tr_right_m, w_tr_left_m not used",
+}
+NO_PATH = {
+    "third_time": r": expected a speed in m/s in the third column.* time stamps\?; name the columns .*path\.columns=\[",
+    "gps_noise_2cm": r", row \d+: after .* radius of 0\.\d+ m.* path\.smoothing=0\.02 does it \(passing them by",
+    "rounded_cm": r", row \d+: after .* radius of 0\.\d+ m.* path\.smoothing=0\.005 does it \(passing",
+    "stop_at_ends": r": expected a unit of velocity.* path\.columns=\[x,y,_,_,speed_kmh,_\] says so",
+    "cusp_reverse": r", row 32: the path turns back on itself at x = 3 m, y = 0\.9 m \(a cusp\)",
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_what_can_be_read_is_said_in_one_line(name: str) -> None:
+    path = waypoints(CASES / f"{name}.csv", vehicle=CAR)
+    assert pytest.approx(22.03, abs=0.02) == length(path)
+    assert path.closed
+    assert pl.Series([path.source]).str.contains(rf"^{name}\.csv: {READ[name]}").item()
+
+
+@pytest.mark.parametrize("name", NO_PATH)
+def test_what_cannot_be_read_is_refused_with_a_way_out(name: str) -> None:
+    file = CASES / f"{name}.csv"
+    with pytest.raises(InputError, match=rf"^{file}{NO_PATH[name]}") as raised:
+        waypoints(file, vehicle=CAR)
+    assert "\n" not in str(raised.value)
+
+
+def test_the_ways_out_are_ways_out() -> None:
+    for name, keys in (
+        ("gps_noise_2cm", {"smoothing": 0.02}),
+        ("rounded_cm", {"smoothing": 0.005}),
+        ("stop_at_ends", {"columns": ["x", "y", "_", "_", "speed_kmh", "_"], "least_speed": 1.0}),
+        ("third_time", {"columns": ["x", "y", "time"]}),
+        ("nearly_closed_1mm", {"closed": True}),
+    ):
+        path = waypoints(CASES / f"{name}.csv", vehicle=CAR, **keys)
+        assert path.closed and length(path) == pytest.approx(22.03, abs=0.05)
+        assert max(segment.speed.polynomial(0.0) for segment in path.curve) <= 2.0
+    with pytest.raises(InputError, match=r"row 2: expected a positive speed, got 0, .*; path\.least_speed=1 drives"):
+        waypoints(CASES / "stop_at_ends.csv", vehicle=CAR, columns=["x", "y", "_", "_", "speed_kmh", "_"])
+
+
+def test_a_lap_of_two_kilometres() -> None:
+    course = course_of(read_points(CASES / "full_size_2km.csv"), None)
+    assert course.closed and len(course.points.place) == 460 and "5.56 m, the first point follows" in course.account
+
+
+# --- forms
+
+ARC = "0 0,4 0,8 1,12 3,15 6"
+FORMS = {  # texts, each of points on ARC, and the speed that they mean in m/s
+    "x,y\n{,}": None,
+    "sep=;\nx;y\n{;}": None,
+    "\n\n# of a planner, made by hand\n% x y\nX | Y\n{|}": None,
+    "my track\n\nx\ty\n{\t}": None,
+    "{ }": None,
+    "x y\n{ }  ": None,
+    '"x [m]" "y [m]"\n{ }': None,
+    "x [m] y [m]\n{ }": None,
+    "id,x,y,name\n{#,|,a}": None,
+    "time,pose.position.x,pose.position.y,pose.orientation.x,pose.orientation.y\n{#,|,0,0}": None,
+    "x,y,x_left,y_left,x_right,y_right\n{,|,9,9,9,9}": None,
+    "# x_m, y_m, vx_mps\n{,|,3}": 3.0,
+    "x,y,v\nm,m,km/h\n{,|,36}": 10.0,
+    "x,y,v\n[m],[m],[km/h]\n{,|,36}": 10.0,
+    "x_mm,y_mm,v_km_h\n{,|,36|e3}": 10.0,
+    "posX (cm);posY (cm);Speed [mph]\n{;|;10|e2}": 4.4704,
+    "East,North,velocity\n{,|,2.5}": 2.5,
+    "x in km,y in km,speed m/s\n{,|,2|e-3}": 2.0,
+    "xm,ym,vkmh\n{,|,7.2}": 2.0,
+    "x;y;v\n{;|;2,5|comma}": 2.5,
+    '"x","y"\n{"}': None,
+    "{,|,2.0}": 2.0,
+}
+
+
+def in_form(text: str) -> str:
+    head, _, form = text.rstrip(" }").partition("{")
+    points = [tuple(map(float, point.split())) for point in ARC.split(",")]
+    scale = 1.0
+    if form.count("|") and form[-3:].lstrip("|").startswith("e"):
+        form, _, power = form.rpartition("|")
+        scale = float(f"1{power}")
+    comma = form.endswith("|comma")
+    form = form.removesuffix("|comma")
+    lines = []
+    for index, (x, y) in enumerate(points):
+        cells = [f"{x * scale:.6f}", f"{y * scale:.6f}"]
+        if comma:
+            cells = [cell.replace(".", ",") for cell in cells]
+        if form == '"':
+            lines.append(",".join(f'"{cell}"' for cell in cells))
+        elif form == "#,|,a":
+            lines.append(f"{index},{cells[0]},{cells[1]},a")
+        elif len(form) < 2:
+            lines.append((form or " ").join(cells))
+        else:
+            separator = ";" if form.startswith(";") else ","
+            line = separator.join(cells) + form.partition("|")[2]
+            lines.append(f"{index}{separator}{line}" if form.startswith("#") else line)
+    return head + "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_forms_of_one_path(form: str, tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text(in_form(form))
+    points = read_points(file)
+    expected = [complex(*map(float, point.split())) for point in ARC.split(",")]
+    np.testing.assert_allclose(points.place, expected, rtol=0, atol=1e-8)
+    if FORMS[form] is None:
+        assert points.speed is None
+    else:
+        np.testing.assert_allclose(points.speed, FORMS[form], rtol=1e-12)
+
+
+REFUSED = {
+    "x_left,y_left,x_right,y_right\n0,0,1,0\n0,1,1,1\n": r"got x_left, y_left, x_right, y_right: name the two",
+    "x,y,v,speed\n0,0,1,1\n1,0,1,1\n": r": expected one column of the speed, got v, speed",
+    "x,y,vx,vy\n0,0,1,0\n1,0,1,0\n": r": expected one column of the speed, got vx and vy, components",
+    "x_px,y_px\n0,0\n10,0\n": r": expected a length in m, mm, .*, got the column x_px",
+    "x [parsec],y [parsec]\n0,0\n1,0\n": r": expected a length in m, mm, .*, got the column x \[parsec\]",
+    "x,y,speed [rpm]\n0,0,5\n1,0,5\n": r": expected a speed in m/s, .*, got the column speed \[rpm\]",
+    "x_mm,y\n0,0\n1000,0\n": r": expected units of both or of none, got the columns x_mm and y",
+    "x_mm,y_mm,v\n0,0,500\n1000,0,500\n": r": expected a unit of the speed beside x_mm, got v: write v_mps",
+    "x,y,v\n0,0,300\n1,0,300\n": r": expected at most 120 m/s in the column v, got 300: say its unit",
+    "# units: mm\nx,y\n0,0\n4000,0\n": r"row 1 speaks of mm: expected the unit in the names .* x_mm,y_mm",
+    "latitude;longitude\n48.1;11.5\n48.2;11.6\n": r"row 1: expected x and y in m, got latitude and longitude: project",
+    "# lon, lat\n48.1,11.5\n48.2,11.6\n": r"row 1: expected x and y in m, got latitude and longitude: project",
+    "x,y\n4,0589,0,0000\n4,0341,0,3000\n": r"row 1 names 2 columns, row 2 has 4 \(a decimal comma needs another",
+    "0,4.1,0.2\n1,4.3,0.4\n2,4.5,0.5\n3,4.7,0.4\n": r"in the first column, which has no name, got the numbers of",
+    "0.1,4.1,9.2\n0.2,4.3,9.4\n0.3,4.5,9.5\n0.4,4.7,9.4\n": r"without names, got time, x and y as likely",
+    "0,0,0\n1,0,0\n2,1,0\n": r": expected a speed in m/s in the third column, .*: a heading, a curvature or a height\?",
+    "0,0,0.1\n1,0,-0.2\n2,1,0.1\n": r": expected a speed in m/s .*: a heading, a curvature or a height\?",
+    "0,0,1\n1,0,2\n2,1,3\n": r": expected a speed in m/s .* which never turns back: time, or the way driven\?",
+    "0,0,0.7854\n1,1,0.7854\n2,2,0.7854\n": r": expected a speed in m/s .*, which turns with the path: a heading\?",
+    "1,2,3,4\n5,6,7,8\n": r"row 1: expected .*; name the columns in a header, or by path\.columns",
+    "x,y,v\n0,0,0\n1,0,0\n2,0,0\n": r": expected a positive speed, got 0 in all rows",
+    "x,y\n0,0\n1.5,2,5\n": r"expected a name for each column, but row 1 names 2 columns",
+    "x;y\n1.234,5;1\n2.345,6;2\n": r"row 2: expected .*; got 1\.234,5;1 \(numbers with signs for thousands\?\)$",
+    "x,y\n0,0\n0.003,0.001\n": r": expected points in m that suit a wheelbase of 0\.34 m, got 0\.003162 m in all: say",
+    "x,y\n" + "".join(f"{300 * i},{i}\n" for i in range(30)): r"got 300 m between points: .* as in x_mm,y_mm or x_m",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_what_may_be_meant_otherwise_is_refused(text: str, tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=REFUSED[text]) as raised:
+        waypoints(file)
+    assert str(raised.value).startswith(str(file)) and "\n" not in str(raised.value)
+
+
+def test_names_may_be_given_instead_of_a_header(tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text("time,wp\n1,0,0,36\n2,4000,0,18\n3,8000,1000,18\n")
+    points = read_points(file, ["t", "x_mm", "y_mm", "v_kmh"])
+    np.testing.assert_allclose(points.place, [0, 4, 8 + 1j])
+    np.testing.assert_allclose(points.speed, [10, 5, 5])
+    for columns, message in (
+        (["x", "y"], "expected a name for each of 4 columns, got x, y"),
+        (["a", "b", "c", "d"], "expected a name for x and one for y, got a, b, c, d"),
+        (["x", "y", "x", "y"], "expected one column of x and one of y, got x, y, x, y"),
+    ):
+        with pytest.raises(InputError, match=rf"^path\.columns: {message}"):
+            read_points(file, columns)
+
+
+def test_no_table_gets_one_line(tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    for data, message in (
+        (b"PK\x03\x04....", r"got a spreadsheet or an archive: save it as CSV$"),
+        (b"\x93NUMPY\x01\x00", r"got an array of NumPy: save it as CSV$"),
+        (b"1,2\n3,\x004\n", r"it cannot be read \(it is not text\)$"),
+    ):
+        file.write_bytes(data)
+        with pytest.raises(InputError, match=message) as raised:
+            read_points(file)
+        assert "\n" not in str(raised.value)
+
+
+# --- laps
+
+
+def lap(count: int = 40) -> np.ndarray:
+    return 4 * np.exp(2j * np.pi * np.arange(count) / count)
+
+
+LAPS = {
+    "repeated": (np.append(lap(), lap()[0]), 40, "closed"),
+    "not repeated": (lap(), 40, "closed (gap 0.628 m, the first point follows the last)"),
+    "nearly": (np.append(lap(), lap()[0] * 1.0005), 40, "closed (gap 2 mm)"),
+    "nearly, with noise": (np.append(lap(), lap()[0] + 0.1), 40, "closed (gap 0.1 m)"),
+    "beyond": (np.append(lap(), lap()[:6]), 40, "closed (runs 3.14 m beyond its start, which is cut off)"),
+    "three times": (np.concatenate([lap()] * 3), 40, "closed (runs 49.6 m beyond its start, which is cut off)"),
+    "three quarters": (lap()[:30], 30, "open (ends 6.08 m apart)"),
+    "there and back": (np.array([0, 1, 2, 3, 4, 4 + 1j, 3 + 1j, 2 + 1j, 1 + 1j, 1j]), 10, "open (ends 1 m apart)"),
+    "a lane beside": (np.concatenate([lap(), 1.2 * lap()[:10]]), 50, "open (ends 5.75 m apart)"),
+}
+
+
+@pytest.mark.parametrize("name", LAPS)
+def test_a_lap_is_recognised_by_where_it_ends(name: str) -> None:
+    place, count, account = LAPS[name]
+    course = course_of(read_points(place), None)
+    assert (course.account, len(course.points.place)) == (account, count)
+    assert course.closed == account.startswith("closed")
+    assert not course_of(read_points(place), False).closed
+    assert course_of(read_points(place), True).closed
+
+
+def test_a_corner_where_the_lap_closes_is_named() -> None:
+    u = np.linspace(0, np.pi / 2, 60)
+    petal = 4 * np.sin(2 * u) * np.exp(1j * u)  # with a corner where it begins
+    petal[-1] = petal[0]
+    with pytest.raises(InputError, match=r"^points\[\d+\]: after .* \(where the lap closes\), the path"):
+        waypoints(petal, vehicle=CAR)
+
+
+# --- points in memory
+
+POINTS = np.array([[0, 0, 2], [4, 0, 1], [8, 1, 2], [12, 3, 2.5]], dtype=float)
+
+
+class Frame:
+    """As much of a pandas data frame as matters here."""
+
+    columns = ("x", "y", "label", "v")
+
+    def __getitem__(self, name: str) -> list:
+        return {"x": [0, 4, 8, 12], "y": [0, 0, 1, 3], "label": list("abcd"), "v": [2, 1, 2, 2.5]}[name]
+
+
+MEMORY = {
+    "array": POINTS,
+    "integers": np.rint(POINTS[:, :2]).astype(int),
+    "list": POINTS.tolist(),
+    "tuples": tuple(map(tuple, POINTS[:, :2])),
+    "complex": POINTS[:, 0] + 1j * POINTS[:, 1],
+    "mapping": {"speed": POINTS[:, 2], "y": POINTS[:, 1], "x": POINTS[:, 0]},
+    "km/h": {"x_mm": 1e3 * POINTS[:, 0], "y_mm": 1e3 * POINTS[:, 1], "v_kmh": 3.6 * POINTS[:, 2]},
+    "polars": pl.DataFrame(POINTS, schema=["x", "y", "speed"]).with_columns(name=pl.lit("a")),
+    "frame": Frame(),
+    "structured": np.array([tuple(row) for row in POINTS], dtype=[("x", float), ("y", float), ("v", "f8")]),
+}
+
+
+@pytest.mark.parametrize("name", MEMORY)
+def test_points_in_memory(name: str) -> None:
+    points = read_points(MEMORY[name])
+    np.testing.assert_allclose(points.place, POINTS[:, 0] + 1j * POINTS[:, 1], atol=1e-12)
+    if points.speed is not None:
+        np.testing.assert_allclose(points.speed, POINTS[:, 2], atol=1e-12)
+    assert (points.speed is None) == (name in ("integers", "tuples", "complex"))
+
+
+def test_points_in_memory_make_the_path_of_the_file(tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text("x,y,speed\n" + "".join(f"{x},{y},{v}\n" for x, y, v in POINTS.tolist()))
+    path = waypoints(POINTS)
+    assert path == waypoints(file)
+    assert path.source.startswith("points: 4 points, 12.6 m, open (ends 12.4 m apart), 1 to ")
+    assert waypoints(POINTS[:, [2, 1, 0]], columns=["v", "y", "x"]) == path
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *(None, 3, 2.5, True, 1j, object(), int, len, b"0,0", set(), [], {}, (), [[]], [1, 2, 3], [[1, 2]], [[1], [2]]),
+        *([["a", "b"], ["c", "d"]], [[1, 2], [3]], {"x": [1, 2]}, {"x": [1, 2], "y": [1]}, {"lat": [1], "lon": [2]}),
+        *(
+            np.zeros((2, 40)),
+            np.zeros((5, 4)),
+            np.zeros((2, 2, 2)),
+            np.full((3, 2), np.nan),
+            np.zeros((3, 2)),
+            pl.DataFrame,
+        ),
+        *(np.array(["2020-01-01"], dtype="datetime64[s]"), pl.DataFrame({"x": ["a"], "y": ["b"]}), CAR, pl.DataFrame),
+    ],
+    ids=lambda value: f"{type(value).__name__}",
+)
+def test_what_is_no_points_gets_one_line(wrong: Any) -> None:
+    with pytest.raises(InputError, match=r"^points") as raised:
+        waypoints(wrong)
+    assert "\n" not in str(raised.value) and len(str(raised.value)) < 300
+
+
+# --- fuzzing
+
+
 def check(file: File, meant: Written, whole: bool = False) -> bool:
     """Whether it is read; if so, it is what was meant, and if not, that is said in one line."""
     file.write_bytes(meant.data)
     try:
         course = course_of(read_points(file), None)
     except InputError as error:
-        assert not meant.clear, (str(error), meant.forms)
-        assert "\n" not in str(error) and str(error).startswith((f"{file}", "path.")), meant.forms
+        said = str(error)
+        if meant.clear or "\n" in said or not said.startswith((str(file), "path.")):
+            raise AssertionError(said, meant.forms) from error
         return False
     place = course.points.place
     around = np.append(place, place[0]) if course.closed else place
     assert course.closed == meant.lap, (course.account, meant.forms)
-    length = float(np.abs(np.diff(around)).sum())
-    assert length == pytest.approx(meant.length, rel=0.02), (course.account, meant.forms)  # chords are shorter
+    measured = float(np.abs(np.diff(around)).sum())
+    assert measured == pytest.approx(meant.length, rel=0.02), (course.account, meant.forms)  # chords are shorter
     speed = course.points.speed
     assert (speed is None) == (meant.speed is None), meant.forms
     if speed is not None and meant.speed is not None:
@@ -35,15 +348,32 @@ def check(file: File, meant: Written, whole: bool = False) -> bool:
         np.testing.assert_allclose(speed[:count], meant.speed[:count], rtol=2e-3, err_msg=str(meant.forms))
     if whole:
         path = waypoints(file, vehicle=KinematicBicycle(wheelbase=0.1), acceleration=2.0)
-        driven = sum(float(s.speed.polynomial.integrate(0, s.duration)) for s in path.curve)
-        assert driven == pytest.approx(meant.length, rel=5e-3), meant.forms
+        assert length(path) == pytest.approx(meant.length, rel=5e-3), meant.forms
         assert path.source.startswith(f"{file.name}: {len(place)} points, ") and "\n" not in path.source
     return True
 
 
-@settings(
-    max_examples=400, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(FUZZ, max_examples=200)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_file_is_read_as_it_was_meant_or_refused(seed: int, tmp_path: File) -> None:
-    check(tmp_path / "points.csv", written(seed), whole=seed % 16 == 0)
+    check(tmp_path / "points.csv", written(seed), whole=seed % 32 == 0)
+
+
+PIECES = st.sampled_from(
+    ["1", "2.5", "-3", "0,5", "x", "y", "v", "_mm", ",", ";", "\t", " ", "\n", '"', "#", "[m]", "nan"]
+)
+
+
+@settings(FUZZ, max_examples=300)
+@given(data=st.lists(PIECES, max_size=40).map(lambda pieces: "".join(pieces).encode()) | st.binary(max_size=60))
+def test_no_bytes_get_anything_but_points_or_one_line(data: bytes, tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    file.write_bytes(data)
+    try:
+        course = course_of(read_points(file), None)
+    except InputError as error:
+        said = str(error)
+    else:
+        said, place = course.account, course.points.place
+        assert len(place) >= 2 and np.isfinite(place).all() and (np.abs(np.diff(place)) > 0).all()
+    assert "\n" not in said and "\r" not in said

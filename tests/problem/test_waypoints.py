@@ -284,8 +284,8 @@ BAD = {
     "0,0\n1,0\n2,0\n1,0\n0.5,0\n": r", row 3: the path turns back on itself at x = 2 m, y = 0 m \(a cusp\); "
     r"expected a way that is driven forwards",
     "0,0\n1,0\n2,0\n2.2,0.2\n2,0.4\n1,0.4\n0,0.4\n": r", row 4: after \d\S* m, at x = \S+ m, y = \S+ m, the path "
-    r"through the points turns with a radius of 0\.101 m, which takes a steering angle of 73\.4°; expected a radius of at "
-    r"least 0\.425 m, 38\.7°, which is what path\.reserve=0\.2 leaves of the car's 45°$",
+    r"through the points turns with a radius of 0\.101 m, which takes a steering angle of 73\.4°; expected a radius of "
+    r"at least 0\.425 m, 38\.7°, which is what path\.reserve=0\.2 leaves of the car's 45°$",
 }
 
 
