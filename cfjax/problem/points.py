@@ -83,6 +83,14 @@ def at(place: complex) -> str:
     return f"x = {place.real:.6g} m, y = {place.imag:.6g} m"
 
 
+def metres(length: float) -> str:
+    """A length for people, to three digits: 0.92 mm, 0.301 m, 22.0 m, 1800 m."""
+    if length < 0.01:
+        return f"{1e3 * length:.2g} mm"
+    rounded = float(f"{length:.3g}")
+    return f"{rounded:.{max(0, 2 - math.floor(math.log10(rounded)))}f} m"
+
+
 # --- from a file
 
 
@@ -316,16 +324,16 @@ def course_of(points: Points, closed: bool | None) -> Course:
             keep.append(index)
     points = points.chosen(np.array(keep))
     if closed is False:
-        count, account = len(keep), f"open (ends {_metres(abs(points.place[-1] - points.place[0]))} apart)"
+        count, account = len(keep), f"open (ends {metres(abs(points.place[-1] - points.place[0]))} apart)"
     else:
         count, account = _lap(points.place, same)
         if closed and count == 0:
-            count, account = len(keep), f"closed (gap {_metres(abs(points.place[-1] - points.place[0]))})"
+            count, account = len(keep), f"closed (gap {metres(abs(points.place[-1] - points.place[0]))})"
     if closed is None:
         closed = count > 0
     if count == 0:
         gap = abs(points.place[-1] - points.place[0])
-        count, account = len(keep), f"open (ends {_metres(gap)} apart)"
+        count, account = len(keep), f"open (ends {metres(gap)} apart)"
     if closed and count < 3:
         raise InputError(f"{points.source}: expected at least three different points of a closed path, got {count}")
     return Course(points.chosen(np.arange(count)), closed, account)
@@ -339,20 +347,20 @@ def _lap(place: Complex[np.ndarray, " n"], same: float) -> tuple[int, str]:
     if beyond := _beyond(place[:-1] if gap <= MEETING * spacing else place, spacing):
         extra = float(chords[beyond - 1 :].sum() - abs(first - place[beyond - 1]))
         kept = beyond - 1 if abs(place[beyond - 1] - first) <= BESIDE * spacing else beyond
-        return kept, f"closed (runs {_metres(max(extra, 0.0))} beyond its start, which is cut off)"
+        return kept, f"closed (runs {metres(max(extra, 0.0))} beyond its start, which is cut off)"
     if gap <= same:
         return len(place) - 1, "closed"
     if gap <= REPEATED * spacing:
-        return len(place) - 1, f"closed (gap {_metres(gap)})"
+        return len(place) - 1, f"closed (gap {metres(gap)})"
     if len(place) < 4:
         return 0, ""
     begins, ends = _direction(place), _direction(place[::-1]) * -1
     if gap <= MEETING * spacing and _turn(ends, begins) <= AHEAD:
-        return len(place) - 1, f"closed (gap {_metres(gap)})"
+        return len(place) - 1, f"closed (gap {metres(gap)})"
     joint = first - last
     straight = max(_turn(place[-1] - place[-2], joint), _turn(joint, place[1] - place[0])) <= AHEAD
     if gap <= FOLLOWING * max(spacing, min(chords[0], chords[-1])) and straight:
-        return len(place), f"closed (gap {_metres(gap)}, the first point follows the last)"
+        return len(place), f"closed (gap {metres(gap)}, the first point follows the last)"
     return 0, ""
 
 
@@ -395,8 +403,3 @@ def _direction(place: Complex[np.ndarray, " n"]) -> complex:
 
 def _turn(before: complex, after: complex) -> float:
     return abs(float(np.angle(after * np.conj(before))))
-
-
-def _metres(length: float) -> str:
-    """A length for people: 0.9 mm, 0.31 m, 22 m."""
-    return f"{1e3 * length:.2g} mm" if length < 0.01 else f"{length:.3g} m"

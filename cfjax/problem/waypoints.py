@@ -16,6 +16,7 @@ driving the whole profile a little slower: time stretched by c divides speed by 
 import math
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as File
 from typing import NamedTuple
@@ -28,7 +29,7 @@ from scipy.ndimage import minimum_filter1d
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve, path_along
 from cfjax.problem.path import Path, Profile, Segment, _positive
-from cfjax.problem.points import LONGEST, Course, Points, Source, at, course_of, read_points
+from cfjax.problem.points import LONGEST, Course, Points, Source, at, course_of, metres, read_points
 from cfjax.problem.vehicle import KinematicBicycle, Vehicle
 
 
@@ -176,10 +177,10 @@ def _account(course: Course, path: Path, curve: Curve, limits: _Limits, smoothin
     bend = float(np.abs(curve.curvature(_samples(curve))).max())
     said = [
         f"{len(points.place)} points",
-        f"{curve.length:#.3g} m".replace(". ", " "),
+        metres(curve.length),
         course.account,
         f"{most:.3g} m/s" if most - least < 1e-3 * most else f"{least:.3g} to {most:.3g} m/s",
-        f"smallest radius {1 / bend:.3g} m" if bend * curve.length > 1e-6 else "straight",
+        f"smallest radius {metres(1 / bend)}" if bend * curve.length > 1e-6 else "straight",
         *([f"smoothed by {smoothing:g} m"] if smoothing else []),
         f"columns {', '.join(meaning.used)}",
     ]
@@ -259,23 +260,24 @@ def _way_out(course: Course, limits: _Limits, segment_length: float, smoothing: 
     spacing = float(np.median(np.abs(np.diff(course.points.place))))
     if len(course.points.place) > MOST_SMOOTHED:
         return ""
-    exponents = range(math.floor(math.log10(spacing)) - 3, math.ceil(math.log10(spacing)) + 1)
-    values = [float(f"{digit}e{exponent}") for exponent in exponents for digit in (1, 2, 5)]
-    found, bend = None, math.inf
-    for value in (value for value in values if smoothing < value <= spacing):
+    exponents = range(math.floor(math.log10(spacing)), math.floor(math.log10(spacing)) - 3, -1)
+    values = [float(f"{digit}e{exponent}") for exponent in exponents for digit in (5, 2, 1)]
+    bends: list[tuple[float, float]] = []
+    for value in (value for value in values if smoothing < value <= spacing):  # large ones take the least time
         try:
             curve = _curve(course.points, course.closed, value)[0]
             _check_bends(course, curve, limits)
-            largest = float(np.abs(curve.curvature(_samples(curve))).max())
-            if largest > SETTLED * bend:
-                break
-            _path(course, limits, segment_length, value)
+            bends.insert(0, (value, float(np.abs(curve.curvature(_samples(curve))).max())))
         except InputError:
+            if bends:
+                break
+    for index, (value, bend) in enumerate(bends):
+        if index + 1 < len(bends) and bends[index + 1][1] <= SETTLED * bend:  # there is noise left in it
             continue
-        found, bend = value, largest
-    if found is None:
-        return ""
-    return f"; for points with noise, or rounded ones, path.smoothing={found:g} does it (passing them by {found:g} m)"
+        with suppress(InputError):
+            _path(course, limits, segment_length, value)
+            return f"; for points with noise, or rounded ones, path.smoothing={value:g} (m, past the points) does it"
+    return ""
 
 
 def _nice(value: float) -> float:

@@ -199,13 +199,13 @@ FILES = [
     (
         "0,0\n1,0\n2,0\n2.2,0.2\n2,0.4\n1,0.4\n0,0.4\n",  # a hairpin
         [],
-        "path.file: {file}: after 2.366 m, at x = 2.",
+        "path.file: {file}, row 4: after 2.366 m, at x = 2.",
     ),
-    ("0,0\n1,0\n2,0\n1,0\n0.5,0\n", [], "(a cusp); expected at most 2.353 1/m, which the steering allows"),
+    ("0,0\n1,0\n2,0\n1,0\n0.5,0\n", [], "(a cusp); expected a way that is driven forwards"),
     (
         "0,0\n1,1\n2,0\n",  # a bend that this car does not steer
         ["vehicle.wheelbase=2"],
-        "expected at most 0.4 1/m, which the steering allows with a reserve of 0.2",
+        "expected a radius of at least 2.5 m, 38.7°, which is what path.reserve=0.2 leaves",
     ),
     (
         "0,0\n4,0\n8,0\n",  # driven at 2 m/s
@@ -226,7 +226,23 @@ FILES = [
     ("0,0\n4,0\n", ["path.reserve=1"], "path.reserve: expected a part in [0, 1), got 1.0"),
     ("0,0\n4,0\n", ["path.closed=true"], "expected at least three different points of a closed path, got 2"),
     ("0,0\n4,0\n", ["path.closed=maybe"], "path.closed: Value 'maybe' is not a valid bool"),
-    ("0,0\n4,0\n", ["path.smooth=1"], "path.smooth: no such key; expected one of name, kind, file, closed, speed"),
+    ("0,0,1\n4,0,1\n", ["path.columns=[x,y]"], "path.columns: expected a name for each of 3 columns, got x, y"),
+    ("0,0\n4,0\n", ["path.columns=[a,b]"], "path.columns: expected a name for x and one for y, got a, b"),
+    (
+        "0,0,0\n4,0,2\n",
+        [],
+        "row 1: expected a positive speed, got 0, where a car cannot be steered; path.least_speed=1 dri",
+    ),
+    (
+        "0,0\n4,0\n",
+        ["path.least_speed=3", "path.speed=2"],
+        "path.least_speed: expected at most path.speed, 2.0 m/s, got",
+    ),
+    (
+        "0,0\n4,0\n",
+        ["path.smooth=1"],
+        "path.smooth: no such key; expected one of name, kind, file, columns, closed, speed",
+    ),
 ]
 
 

@@ -64,12 +64,18 @@ def test_sweep_without_a_path(train: Callable[..., int], quick: None, tmp_path: 
 
 @pytest.mark.parametrize("chdir", ["false", "true"])
 def test_waypoints_travel_with_the_run(
-    chdir: str, train: Callable[..., int], quick: None, write: Callable[..., Path], tmp_path: Path
+    chdir: str,
+    train: Callable[..., int],
+    quick: None,
+    write: Callable[..., Path],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     file = write(slalom())
     problem = problem_of(preset("waypoints", [f"path.file={file}"]))
     text = file.read_bytes()
     assert train("+path=waypoints", "path.file=points.csv", "hydra.run.dir=here/run", f"hydra.job.chdir={chdir}") == 1
+    assert f"{problem.path.source}\n" in capfd.readouterr().out
     file.unlink()
     folder = tmp_path / "here" / "run"
     assert (folder / "waypoints.csv").read_bytes() == text

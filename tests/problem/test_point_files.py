@@ -38,8 +38,8 @@ READ = {
 }
 NO_PATH = {
     "third_time": r": expected a speed in m/s in the third column.* time stamps\?; name the columns .*path\.columns=\[",
-    "gps_noise_2cm": r", row \d+: after .* radius of 0\.\d+ m.* path\.smoothing=0\.02 does it \(passing them by",
-    "rounded_cm": r", row \d+: after .* radius of 0\.\d+ m.* path\.smoothing=0\.005 does it \(passing",
+    "gps_noise_2cm": r", row \d+: after .* radius of 0\.\d+ m.* path\.smoothing=0\.02 \(m, past the points\) does it$",
+    "rounded_cm": r", row \d+: after .* radius of 0\.\d+ m.* path\.smoothing=0\.005 \(m, past the points\) does it$",
     "stop_at_ends": r": expected a unit of velocity.* path\.columns=\[x,y,_,_,speed_kmh,_\] says so",
     "cusp_reverse": r", row 32: the path turns back on itself at x = 3 m, y = 0\.9 m \(a cusp\)",
 }
@@ -227,11 +227,11 @@ LAPS = {
     "repeated": (np.append(lap(), lap()[0]), 40, "closed"),
     "not repeated": (lap(), 40, "closed (gap 0.628 m, the first point follows the last)"),
     "nearly": (np.append(lap(), lap()[0] * 1.0005), 40, "closed (gap 2 mm)"),
-    "nearly, with noise": (np.append(lap(), lap()[0] + 0.1), 40, "closed (gap 0.1 m)"),
+    "nearly, with noise": (np.append(lap(), lap()[0] + 0.1), 40, "closed (gap 0.100 m)"),
     "beyond": (np.append(lap(), lap()[:6]), 40, "closed (runs 3.14 m beyond its start, which is cut off)"),
     "three times": (np.concatenate([lap()] * 3), 40, "closed (runs 49.6 m beyond its start, which is cut off)"),
     "three quarters": (lap()[:30], 30, "open (ends 6.08 m apart)"),
-    "there and back": (np.array([0, 1, 2, 3, 4, 4 + 1j, 3 + 1j, 2 + 1j, 1 + 1j, 1j]), 10, "open (ends 1 m apart)"),
+    "there and back": (np.array([0, 1, 2, 3, 4, 4 + 1j, 3 + 1j, 2 + 1j, 1 + 1j, 1j]), 10, "open (ends 1.00 m apart)"),
     "a lane beside": (np.concatenate([lap(), 1.2 * lap()[:10]]), 50, "open (ends 5.75 m apart)"),
 }
 
