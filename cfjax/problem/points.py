@@ -119,6 +119,8 @@ def _named(table: Table, columns: Sequence[str] | None) -> Meaning | None:
     shorter: str | None = None
     for line in reversed(table.before):
         for names in table.names_in(line):
+            if line.comment and names[:1] == [""] and len(names) == table.width + 1:
+                names = names[1:]  # a separator behind the mark of the comment
             if any(number(name, table.decimal) is not None for name in names) or len(names) < 2:
                 continue
             if len(names) == table.width and not line.comment and all(map(is_unit, names)):

@@ -106,6 +106,7 @@ FORMS = {  # texts, each of points on ARC, and the speed that they mean in m/s
     "xm,ym,vkmh\n{,|,7.2}": 2.0,
     "x;y;v\n{;|;2,5|comma}": 2.5,
     '"x","y"\n{"}': None,
+    "#\tx\ty\n{\t}": None,
     "{,|,2.0}": 2.0,
 }
 
