@@ -18,6 +18,7 @@ LEARNERS = ("gradient", "polytope")
 CENTRES = ("mve", "analytic", "chebyshev")
 DEMONSTRATIONS = ("mpc", "revised")
 LEAST_BETA_LOWER = 0.05  # below, no funnel of the paper's template has room to shrink in
+LARGEST_SEED = 2**32 - 1  # that all generators of random numbers take
 
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
 
@@ -93,6 +94,8 @@ class Options:
         for name, least in (("restarts", 1), ("rounds", 1), ("cars", 0), ("seed", 0)):
             if getattr(self, name) < least:
                 raise InputError(f"{name}: expected a whole number of at least {least}, got {getattr(self, name)}")
+        if self.seed > LARGEST_SEED:
+            raise InputError(f"seed: expected a whole number of at most {LARGEST_SEED}, got {self.seed}")
 
 
 def check_question(problem: "Problem", options: Options) -> None:

@@ -4,8 +4,7 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +14,7 @@ from cfjax.certificate import certify, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
 from cfjax.check.tube import has_tube_structure, require_tube_structure
+from cfjax.clock import Clock
 from cfjax.demonstrator import demonstrate
 from cfjax.errors import InputError
 from cfjax.falsifier import Suspect, falsify
@@ -57,12 +57,12 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     """
     check_question(problem, options)
     started = time.perf_counter()
-    progress = progress or _silent
+    clock = Clock.of(progress)
     if problem.path.tube or options.certificate == "segment" or options.learner == "polytope":
-        result = _by_segments(problem, options, progress)
+        result = _by_segments(problem, options, clock)
     elif options.certificate == "tube":
         _require_tubes(problem.vehicle)
-        result = _by_tubes(problem, options, progress)
+        result = _by_tubes(problem, options, clock)
     elif (
         problem.obstacles
         or problem.authority != 1
@@ -70,12 +70,12 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
         or not _fits_tubes(options)
         or not has_tube_structure(dynamics_of(problem.vehicle))
     ):
-        result = _by_segments(problem, options, progress)
+        result = _by_segments(problem, options, clock)
     else:
-        result = _by_tubes(problem, options, progress)
+        result = _by_tubes(problem, options, clock)
         if result.verdict is not Verdict.CERTIFIED:
-            result = _by_segments(problem, options, progress)
-    return result.replace(seconds={**result.seconds, "total": time.perf_counter() - started})
+            result = _by_segments(problem, options, clock)
+    return result.replace(seconds={**clock.seconds, "total": time.perf_counter() - started})
 
 
 def _is_short(path: Path) -> bool:
@@ -96,24 +96,22 @@ def _fits_tubes(options: Options) -> bool:
     return options.template == "contracting" and options.objective.margin is None
 
 
-def _by_segments(problem: Problem, options: Options, progress: Progress) -> Result:
+def _by_segments(problem: Problem, options: Options, clock: Clock) -> Result:
     """Funnels made for the path's own segments; or the one of a tube."""
     statement_of(problem)  # what no proof answers is not learned first
-    loop = _Search(problem, options, progress)
-    return loop.run().replace(seconds=loop.seconds)
+    return _Search(problem, options, clock).run()
 
 
-def _by_tubes(problem: Problem, options: Options, progress: Progress) -> Result:
+def _by_tubes(problem: Problem, options: Options, clock: Clock) -> Result:
     """Tubes that came with the package where they do it, else one that is learned for the path's bounds."""
-    found = hold_by_library(problem) if _fits_tubes(options) else None
-    if found is not None:
-        return found.replace(seconds={"learn": 0.0, "certify": 0.0})
 
     def learned(bounds: Problem, beta_inner: float) -> Result:
         inner = min(beta_inner, options.beta_inner or beta_inner)
-        return _by_segments(bounds, replace(options, beta_inner=inner), progress)
+        return _by_segments(bounds, replace(options, beta_inner=inner), clock)
 
-    return hold_by_learning(problem, learned)
+    with clock.stage("tubes"):
+        found = hold_by_library(problem) if _fits_tubes(options) else None
+        return found or hold_by_learning(problem, learned)
 
 
 def harden(result: Result, options: Options = Options(), progress: Progress | None = None) -> dict[str, Any] | None:
@@ -124,10 +122,8 @@ def harden(result: Result, options: Options = Options(), progress: Progress | No
     """
     if not options.robustness:
         return None
-    (progress or _silent)("robustness", 0, 1)
-    hints = robustness_of(result, workers=_cores(), solver=options.solver)
-    (progress or _silent)("robustness", 1, 1)
-    return hints
+    with Clock.of(progress).stage("robustness"):
+        return robustness_of(result, workers=_cores(), solver=options.solver)
 
 
 def drive(result: Result, options: Options = Options(), progress: Progress | None = None) -> Result:
@@ -138,28 +134,23 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     """
     if result.verdict is not Verdict.CERTIFIED or not options.cars:
         return result
-    progress = progress or _silent
-    started = time.perf_counter()
-    progress("simulate", 0, 1)
+    clock = Clock.of(progress, result.seconds)
+    before = clock.spent("simulate")
     try:
-        if result.problem.path.tube:
-            (found,) = result.segments
-            margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
-            loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, cars=options.cars, seed=options.seed)
-        else:
-            loop, cars = drive_cars(result.problem, result.legs, cars=options.cars, seed=options.seed)
-        result = result.replace(closed_loop=loop, rollouts=(cars,))
-        progress("simulate", 1, 1)
+        with clock.stage("simulate"):
+            if result.problem.path.tube:
+                (found,) = result.segments
+                margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
+                how = {"cars": options.cars, "seed": options.seed}
+                loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, **how)
+            else:
+                loop, cars = drive_cars(result.problem, result.legs, cars=options.cars, seed=options.seed)
+            result = result.replace(closed_loop=loop, rollouts=(cars,))
     except Exception as error:
         print(f"warning: the cars were not driven ({_reason(error)}); the proof stands", file=sys.stderr)
-    spent = time.perf_counter() - started
-    return result.replace(
-        seconds={**result.seconds, "simulate": spent, "total": result.seconds.get("total", 0.0) + spent}
-    )
-
-
-def _silent(stage: str, done: int, of: int) -> None:
-    pass
+    spent = clock.spent("simulate")
+    total = result.seconds.get("total", 0.0) + spent - before
+    return result.replace(seconds={**result.seconds, "simulate": spent, "total": total})
 
 
 @dataclass
@@ -175,21 +166,12 @@ class _Aim:
 class _Search:
     """The learn–certify loop of one problem, with its clock and its history."""
 
-    def __init__(self, problem: Problem, options: Options, progress: Progress) -> None:
-        self.asked, self.options, self.progress = problem, options, progress
+    def __init__(self, problem: Problem, options: Options, clock: Clock) -> None:
+        self.asked, self.options, self.clock = problem, options, clock
         self.problem = problem  # objective=inlet enlarges I: what is proven may ask for more than was asked
         self.template = template_named(options.template)
-        self.seconds = {"learn": 0.0, "certify": 0.0}
         self.history: list[dict[str, float]] = []
         self.search: dict[str, Any] = {}
-
-    @contextmanager
-    def timed(self, stage: str) -> Iterator[None]:
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[stage] += time.perf_counter() - start
 
     def run(self) -> Result:
         """Rounds of learning and proving; a round that fails does not lose what an earlier one has proven."""
@@ -241,7 +223,7 @@ class _Search:
         if learned.margin <= 0:
             message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
             found = [SegmentResult(funnel, learned.margin) for funnel in learned.funnels]
-            with self.timed("learn"):
+            with self.clock.stage("falsify"):
                 worst = [point for kind, funnel in enumerate(learned.funnels) for point in self._worst(kind, funnel)]
             return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(found), worst_points=tuple(worst))
         result, aim.suspects = self._certify(learned)
@@ -250,7 +232,7 @@ class _Search:
 
     def _learn(self, round_: int, aim: "_Aim") -> tuple[Problem, Learned | None]:
         """The best funnels for the objective, and the problem that they solve."""
-        with self.timed("learn"):
+        with self.clock.stage("learn"):
             problem, learned = learn_for(
                 self.options.objective,
                 aim.target,
@@ -262,7 +244,7 @@ class _Search:
                 seed=self.options.seed + 1000 * round_,
                 warm=aim.warm,
                 counterexamples=aim.suspects,
-                progress=lambda done, of: self.progress("learn", done, of),
+                progress=lambda done, of: self.clock("learn", done, of),
             )
         candidates = self.search.get("candidates", 0) + self.options.restarts
         steps = self.search.get("steps", 0) + (learned.steps if learned else 0)
@@ -277,7 +259,7 @@ class _Search:
             same = np.arange(how.batch) % len(x)  # each number of problems would be compiled for itself
             return np.asarray(demonstrate(self.asked, x[same], theta[same]).inputs)[: len(x)]
 
-        with self.timed("learn"):
+        with self.clock.stage("learn"):
             found = learn_polytope(
                 self.asked,
                 self.template,
@@ -286,7 +268,7 @@ class _Search:
                 beta_inner=self.options.beta_inner,
                 demonstrate=demonstrated,
                 seed=self.options.seed,
-                progress=lambda done, of: self.progress("learn", done, of),
+                progress=lambda done, of: self.clock("learn", done, of),
             )
         self.search = {
             "learner": "polytope",
@@ -298,7 +280,7 @@ class _Search:
     def _certify(self, learned: Learned) -> tuple[Result, tuple[Suspect, ...]]:
         """Certify, and falsify what was certified: rounding has moved it a little."""
         distinct = self.problem.path.distinct
-        with self.timed("certify"):
+        with self.clock.stage("certify"):
             # a stretch that proves what is wanted, or nearly what was not refuted, needs not be cut
             share = GOOD_SHARE if all(segment.is_steady for segment in distinct) else CURVED_SHARE
             wanted = self.options.objective.margin
@@ -307,13 +289,13 @@ class _Search:
                 self.problem,
                 learned.funnels,
                 target=target,
-                progress=self.progress,
+                progress=self.clock,
                 workers=_cores(),
                 solver=self.options.solver,
             )
         self.search["solver"] = ", ".join(found.solvers) or self.options.solver
         results, suspects, places = [], list(found.suspects), []
-        with self.timed("learn"):
+        with self.clock.stage("falsify"):
             for kind, funnel in enumerate(found.funnels):
                 points = self._worst(kind, funnel)
                 places += points

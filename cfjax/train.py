@@ -5,22 +5,28 @@
 Without a path it is the oval at 1 m/s.
 
 Exit code: 0 certified; 1 not certified, the verdict says which; 2 bad configuration or input, one line on stderr;
-130 interrupted. A sweep (-m) ends with 0 when every job ran to a verdict, 1 when one crashed, 2 when the input of one
-was bad. The last line printed is `run: FOLDER`.
+3 the run could not be written (a full disk, say), and one line says where the proof is kept; 130 interrupted. A sweep
+(-m) ends with 0 when every job ran to a verdict, 1 when one crashed, 2 when the input of one was bad, 3 when one could
+not be written. The last line printed is `run: FOLDER`.
 
 Nothing heavy is imported before `main` has set up the environment: JAX reads its flags once.
 """
 
+import argparse
+import errno
 import math
 import os
 import shlex
 import sys
 import traceback
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hydra.experimental.callback import Callback
+
+from cfjax.streams import lasting_streams
 
 
 if TYPE_CHECKING:
@@ -32,72 +38,106 @@ if TYPE_CHECKING:
     from cfjax.problem import Problem
     from cfjax.result import Result
 
-CERTIFIED, NOT_CERTIFIED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+CERTIFIED, NOT_CERTIFIED, BAD_INPUT, NOT_WRITTEN, INTERRUPTED = 0, 1, 2, 3, 130
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO)  # what a disk answers, whatever is written
 
 
 class Refusal(BaseException):
-    """Bad input, seen before anything was written. Not an Exception: Hydra swallows those of callbacks."""
+    """Bad input or a full disk, seen before anything is made. Not an Exception: Hydra swallows those of callbacks."""
+
+    def __init__(self, message: str, code: int = BAD_INPUT) -> None:
+        super().__init__(message)
+        self.code = code
 
 
 class Checks(Callback):
-    """Builds the problem before Hydra makes a folder, and remembers where a sweep writes."""
+    """Builds the problem before Hydra makes a folder, and remembers where a run or a sweep writes."""
 
     composed: ClassVar[bool] = False  # whatever goes wrong before that is the configuration's fault
+    run: ClassVar[Path | None] = None
     sweep: ClassVar[Path | None] = None
     identity: ClassVar[dict[str, object]] = {}
-    held: ClassVar[ExitStack] = ExitStack()  # the lock of the sweep's folder
+    held: ClassVar[ExitStack] = ExitStack()  # the folder's lock
 
     def on_run_start(self, config: "DictConfig", **_: Any) -> None:
+        from omegaconf.errors import OmegaConfBaseException
+
+        from cfjax.conf import one_line
         from cfjax.errors import InputError
-        from cfjax.report.run_folder import refuse_finished
+        from cfjax.report.resume import locked
+        from cfjax.report.run_folder import refuse_finished, require_room
 
         Checks.composed = True
-        folder = Path(config.hydra.run.dir)
-        try:
-            _question(config, Path(config.hydra.runtime.cwd))
+        with _refusals("hydra.run.dir"):
+            try:
+                folder = Path(config.hydra.run.dir)
+                _question(config, Path(config.hydra.runtime.cwd))
+            except OmegaConfBaseException as error:
+                raise InputError(one_line(error)) from error
             refuse_finished(folder)
+            require_room(folder)
             folder.mkdir(parents=True, exist_ok=True)
-        except InputError as error:
-            raise Refusal(str(error)) from error
-        except OSError as error:
-            raise Refusal(f"hydra.run.dir: cannot make {folder} ({error.strerror})") from error
+            Checks.held.enter_context(locked(folder, wait=False, label="hydra.run.dir"))
+            refuse_finished(folder)  # by who held the lock until now
+            Checks.run = folder
 
     def on_multirun_start(self, config: "DictConfig", **_: Any) -> None:
-        from cfjax.errors import InputError
         from cfjax.report.resume import locked, open_sweep
+        from cfjax.report.run_folder import require_room
 
         Checks.composed = True
-        folder = Path(config.hydra.sweep.dir)
-        try:
+        with _refusals("hydra.sweep.dir"):
+            folder = Path(config.hydra.sweep.dir)
+            require_room(folder)
             folder.mkdir(parents=True, exist_ok=True)
             Checks.held.enter_context(locked(folder, wait=False))
             open_sweep(folder, Checks.identity)
-        except InputError as error:
-            raise Refusal(str(error)) from error
-        except OSError as error:
-            raise Refusal(f"hydra.sweep.dir: cannot use {folder} ({error.strerror})") from error
-        Checks.sweep = folder
+            Checks.sweep = folder
+
+
+@contextmanager
+def _refusals(label: str) -> Iterator[None]:
+    """What stands against the folder at the key `label`, or against the question, as a Refusal."""
+    from cfjax.errors import InputError, NotWritten
+
+    try:
+        yield
+    except InputError as error:
+        raise Refusal(str(error)) from error
+    except NotWritten as error:
+        raise Refusal(f"{label}: {error}", NOT_WRITTEN) from error
+    except OSError as error:
+        message = f"{label}: cannot write to {error.filename} ({error.strerror})"
+        raise Refusal(message, NOT_WRITTEN if error.errno in FULL else BAD_INPUT) from error
 
 
 def main() -> int:
     """Entry point; the arguments are those of the command line."""
+    from cfjax.report.run_folder import RESULT
+
     prepare_environment()
-    try:
-        return _main()
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
-    finally:
-        Checks.held.close()
+    with lasting_streams():
+        try:
+            return _main()
+        except KeyboardInterrupt:
+            complete = Checks.run is not None and (Checks.run / RESULT).exists()
+            print(f"interrupted; the run is complete: {Checks.run}" if complete else "interrupted", file=sys.stderr)
+            return INTERRUPTED
+        finally:
+            Checks.held.close()
 
 
 def prepare_environment() -> None:
     """Flags that JAX and Hydra read from the environment, and workers inherit; what the user has set stands."""
     import platformdirs
 
+    cache = platformdirs.user_cache_path("cfjax") / "jax"
+    with suppress(OSError):
+        cache.mkdir(parents=True, exist_ok=True)
+    if os.access(cache, os.W_OK):  # else programs are compiled anew, and nobody needs to hear of it
+        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache))
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hands errors on to `_main` instead of printing them over many lines
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # small double-precision problems; silences the search for others
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(platformdirs.user_cache_path("cfjax") / "jax"))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
@@ -110,23 +150,33 @@ def _main() -> int:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from cfjax.conf import one_line, with_path
-    from cfjax.errors import InputError
+    from cfjax.conf import hydra_overrides, one_line
+    from cfjax.errors import InputError, NotWritten
     from cfjax.report.resume import at_work, sweep_identity, sweep_name
 
-    given, unknown = get_args_parser().parse_known_args()
+    parser = get_args_parser()
+    parser.exit_on_error = False
+    try:
+        given, unknown = parser.parse_known_args()
+    except argparse.ArgumentError as error:
+        return _refuse(f"{error.argument_name}: expected as --help says, got {' '.join(sys.argv[1:])}")
     if unknown:
         return _refuse(f"expected key=value or a flag of --help, got {' '.join(unknown)}")
+    if given.config_dir is not None and not Path(given.config_dir).is_dir():
+        return _refuse(f"--config-dir: expected a folder, got {given.config_dir}")
     if not (given.shell_completion or given.experimental_rerun):  # which have no question or bring their own
         begin = sys.argv.index(given.overrides[0], 1) if given.overrides else 1
-        overrides = with_path(given.overrides)
+        try:
+            overrides = hydra_overrides(given.overrides, sweep=given.multirun)
+        except InputError as error:
+            return _refuse(str(error))
         if given.multirun:
             Checks.identity = sweep_identity(overrides)
             if not any(override.startswith("hydra.sweep.dir=") for override in overrides):
                 overrides.append(f"hydra.sweep.dir=multirun/{sweep_name(Checks.identity)}")
         sys.argv[begin : begin + len(given.overrides)] = overrides
     results: list[Result] = []
-    refusals: list[InputError] = []
+    refusals: list[InputError | NotWritten] = []
     command = os.getpid()  # a job may run in a worker, which has another one
 
     @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
@@ -135,20 +185,23 @@ def _main() -> int:
             with at_work(command):
                 if (result := run_job(node)) is not None:
                     results.append(result)
-        except InputError as error:  # kept from Hydra, which would add lines of its own
+        except (InputError, NotWritten) as error:  # kept from Hydra, which would add lines of its own
             refusals.append(error)
 
-    Checks.composed, Checks.sweep = False, None
+    Checks.composed, Checks.run, Checks.sweep = False, None, None
     try:
         job()
     except Refusal as error:
-        return _refuse(str(error))
+        return _refuse(str(error), error.code)
     except (HydraException, OmegaConfBaseException) as error:
         _forget_sweep(Checks.sweep)
-        return _refuse(_say(error, one_line))
+        return _refuse(one_line(error))
     except Exception as error:
         if not Checks.composed:
-            return _refuse(_say(error, one_line))
+            return _refuse(one_line(error))
+        if isinstance(error, OSError) and error.errno in FULL:  # what Hydra writes beside our files
+            place = error.filename or Checks.sweep or Checks.run
+            return _refuse(f"{place}: cannot be written ({error.strerror}); the same command goes on", NOT_WRITTEN)
         if Checks.sweep is None:
             raise
         traceback.print_exc()  # a launcher that broke down: what the jobs left is still told
@@ -158,7 +211,7 @@ def _main() -> int:
     if Checks.sweep is not None:
         return _finish_sweep(Checks.sweep)
     if refusals:
-        return _refuse(str(refusals[0]))
+        return _refuse(str(refusals[0]), NOT_WRITTEN if isinstance(refusals[0], NotWritten) else BAD_INPUT)
     if not results:  # --help, --cfg and the like
         return 0
     return CERTIFIED if results[0].verdict.value == "certified" else NOT_CERTIFIED
@@ -170,11 +223,11 @@ def run_job(node: "DictConfig") -> "Result | None":
     from hydra.types import RunMode
 
     import cfjax.conf
-    from cfjax.errors import InputError
+    from cfjax.errors import InputError, NotWritten
     from cfjax.report.own_vehicle import is_proven_of
     from cfjax.report.resume import is_done, locked
-    from cfjax.report.run_folder import COMMAND
-    from cfjax.report.table import ERROR, write_error
+    from cfjax.report.run_folder import COMMAND, require_room
+    from cfjax.report.table import ERROR, UNWRITTEN, write_error
     from cfjax.report.tracking import track_again
 
     context = HydraConfig.get()
@@ -196,16 +249,18 @@ def run_job(node: "DictConfig") -> "Result | None":
                 if config.logger == "wandb":
                     track_again(config, folder, group)
                 return None
+            require_room(folder)
             return run(*question, folder, command, group)
     except Exception as error:
         if context.mode != RunMode.MULTIRUN:
             raise
-        bad_input = isinstance(error, InputError)
-        if not bad_input:
+        known: dict[type, str] = {InputError: "bad input", NotWritten: UNWRITTEN}
+        if type(error) not in known:
             traceback.print_exc()
         message = cfjax.conf.one_line(error)
         print(f"job {folder.name}: {message}", file=sys.stderr)
-        write_error(folder, "bad input" if bad_input else "crashed", message)
+        with suppress(OSError):  # then the job has no verdict either
+            write_error(folder, known.get(type(error), "crashed"), message)
         return None
 
 
@@ -221,12 +276,16 @@ def run(
 
     `command` made the run, and is kept with it. `group` gathers the jobs of a sweep where they are logged, unless
     wandb.group says another one.
+
+    Raises:
+        NotWritten: where the folder does not take it; what came out is said, and kept elsewhere where that is possible.
     """
     from cfjax.conf import waypoint_file, yaml_of
+    from cfjax.errors import NotWritten
     from cfjax.report.page import save_page
     from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
-    from cfjax.report.run_folder import refuse_finished, write_run
+    from cfjax.report.run_folder import keep_elsewhere, refuse_finished, write_run
     from cfjax.report.tracking import track
     from cfjax.synthesis import drive, harden, search
 
@@ -234,18 +293,29 @@ def run(
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
     if problem.path.source:
         print(problem.path.source, flush=True)
-    with progress_on() as progress:
-        result = search(problem, options, progress).replace(command=command)
-        result = write_run(
-            result,
-            folder,
-            yaml_of(config),
-            save_picture,
-            harden=lambda proven: harden(proven, options, progress),
-            drive=lambda proven: drive(proven, options, progress),
-            points=points,
-            page=save_page,
-        )
+    try:
+        with progress_on() as clock:
+            result = search(problem, options, clock).replace(command=command)
+            result = write_run(
+                result,
+                folder,
+                yaml_of(config),
+                save_picture,
+                harden=(lambda proven: harden(proven, options, clock)) if options.robustness else None,
+                drive=lambda proven: drive(proven, options, clock),
+                points=points,
+                page=save_page,
+                progress=clock,
+            )
+    except NotWritten as lost:
+        try:
+            result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points)
+        except NotWritten as nowhere:
+            print(summary(nowhere.result, options.objective), flush=True)
+            raise
+        print(summary(result, options.objective))
+        print(f"run: {elsewhere}", flush=True)
+        raise NotWritten(f"{lost}; what came out is kept in {elsewhere}") from lost
     if config.logger == "wandb":
         track(result, config, folder, group)
     print(summary(result, options.objective))
@@ -323,18 +393,23 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
 
 def _finish_sweep(sweep: Path) -> int:
     from cfjax.report.page import write_index
-    from cfjax.report.table import gather, print_table, write_table
+    from cfjax.report.table import UNWRITTEN, gather, print_table, write_table
 
     if not sweep.is_dir():
         return NOT_CERTIFIED
     rows = gather(sweep)
-    path = write_table(rows, sweep)
     print_table(rows)
+    try:
+        path, index = write_table(rows, sweep), write_index(sweep)
+    except OSError as error:
+        return _refuse(f"{sweep}: cannot be written ({error.strerror}); the same command goes on", NOT_WRITTEN)
     print(f"table: {path.resolve()}")
-    print(f"index: {write_index(sweep).resolve()}")
+    print(f"index: {index.resolve()}")
     print(f"sweep: {sweep.resolve()}", flush=True)
     if all(row.has_verdict for row in rows):
         return 0
+    if any(row.verdict == UNWRITTEN for row in rows):
+        return NOT_WRITTEN
     return BAD_INPUT if all(row.has_verdict or row.verdict == "bad input" for row in rows) else NOT_CERTIFIED
 
 
@@ -353,19 +428,9 @@ def _forget_sweep(sweep: Path | None) -> None:
             folder.rmdir()
 
 
-def _refuse(message: str) -> int:
+def _refuse(message: str, code: int = BAD_INPUT) -> int:
     print(f"error: {message}", file=sys.stderr)
-    return BAD_INPUT
-
-
-def _say(error: Exception, one_line: Any) -> str:
-    """Hydra's errors in one line: what was expected and what was given."""
-    options, wanted = getattr(error, "options", None), getattr(error, "missing_cfg_file", None)
-    if options is not None and wanted:
-        group, _, choice = str(wanted).rpartition("/")
-        return f"{group}: expected one of {', '.join(options)}, got {choice}"
-    cause = error.__cause__
-    return one_line(cause) if getattr(cause, "full_key", None) else one_line(error)
+    return code
 
 
 if __name__ == "__main__":

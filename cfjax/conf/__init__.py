@@ -9,17 +9,17 @@ from hydra.core.config_store import ConfigStore
 from cfjax.conf.build import (
     command_vehicle,
     config_of,
-    one_line,
     options_of,
     preset,
     preset_names,
     problem_of,
     typed,
     waypoint_file,
-    with_path,
     with_waypoint_file,
     yaml_of,
 )
+from cfjax.conf.command_line import hydra_overrides, values_of
+from cfjax.conf.messages import one_line
 from cfjax.conf.own_vehicle import own_vehicle
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, CustomConfig
 
@@ -29,6 +29,7 @@ __all__ = [
     "CustomConfig",
     "command_vehicle",
     "config_of",
+    "hydra_overrides",
     "one_line",
     "options_of",
     "own_vehicle",
@@ -36,8 +37,8 @@ __all__ = [
     "preset_names",
     "problem_of",
     "typed",
+    "values_of",
     "waypoint_file",
-    "with_path",
     "with_waypoint_file",
     "yaml_of",
 ]

@@ -1,15 +1,19 @@
 """From a configuration to the objects of `cfjax.problem` and `cfjax.synthesis`, by their plain constructors."""
 
 import dataclasses
+import os
 import pathlib
 from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
 from hydra import compose, initialize_config_module
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+from omegaconf.errors import OmegaConfBaseException
 
+from cfjax.conf.command_line import hydra_overrides
+from cfjax.conf.messages import one_line, shown
 from cfjax.conf.own_vehicle import own_vehicle
 from cfjax.conf.schema import (
     PATH_KINDS,
@@ -38,23 +42,20 @@ from cfjax.problem import (
 )
 
 
-DEFAULT_PATH = "oval"
-
-
 def typed(node: DictConfig) -> Config:
     """The configuration as a `Config`; nobody below sees a DictConfig.
 
     Raises:
         InputError: for keys that no schema knows (a leading + smuggles them past Hydra), missing and bad values.
     """
-    unknown = sorted(_unknown_keys(node, ""))
-    if unknown:
-        raise InputError("; ".join(unknown))
-    removed = {field.name for field in dataclasses.fields(Config)} - {str(key) for key in node}  # by ~key
-    missing = sorted(OmegaConf.missing_keys(node) | removed)  # no default stands in: ~sets would mean no S
-    if missing:
-        raise InputError(f"expected a value for {', '.join(missing)}, got none")
     try:
+        unknown = sorted(_unknown_keys(node, ""))
+        if unknown:
+            raise InputError("; ".join(unknown))
+        removed = {field.name for field in dataclasses.fields(Config)} - {str(key) for key in node}
+        missing = sorted(OmegaConf.missing_keys(node) | removed)  # no default stands in: no sets would mean no S
+        if missing:
+            raise InputError(f"expected a value for {', '.join(missing)}, got none")
         config = OmegaConf.to_object(node)
     except OmegaConfBaseException as error:
         raise InputError(one_line(error)) from error
@@ -76,25 +77,20 @@ def preset_names() -> list[str]:
     return sorted(entry.name.removesuffix(".yaml") for entry in presets.iterdir() if entry.name.endswith(".yaml"))
 
 
-def with_path(overrides: Sequence[str]) -> list[str]:
-    """The overrides of a command line, with the default path where they choose none.
-
-    A default in Hydra's own list would refuse +path=NAME.
-    """
-    groups = [override.lstrip("+~").partition("=")[0].partition("@")[0] for override in overrides]
-    return [*overrides] if "path" in groups else [f"+path={DEFAULT_PATH}", *overrides]
-
-
 def preset(name: str, overrides: Sequence[str] = ()) -> Config:
     """The configuration of +path=NAME and further overrides, as on the command line.
 
     Raises:
-        InputError: for a name that does not come with the package.
+        InputError: for a name that does not come with the package, and overrides that the command would refuse.
     """
     if name not in preset_names():
         raise InputError(f"path: expected one of {', '.join(preset_names())}, got {name}")
-    with initialize_config_module("cfjax.conf", version_base="1.3"):
-        return typed(compose("train", [f"+path={name}", *overrides]))
+    given = hydra_overrides([f"+path={name}", *overrides], sweep=False)
+    try:
+        with initialize_config_module("cfjax.conf", version_base="1.3"):
+            return typed(compose("train", given))
+    except (HydraException, OmegaConfBaseException) as error:
+        raise InputError(one_line(error)) from error
 
 
 def yaml_of(config: Config) -> str:
@@ -140,7 +136,7 @@ def command_vehicle(config: Config, started_in: pathlib.Path) -> Vehicle | None:
 
 def waypoint_file(config: Config) -> pathlib.Path | None:
     """The file whose points the path goes through, if it is such a path."""
-    return pathlib.Path(config.path.file) if isinstance(config.path, WaypointsConfig) else None
+    return pathlib.Path(os.path.expanduser(config.path.file)) if isinstance(config.path, WaypointsConfig) else None
 
 
 def with_waypoint_file(config: Config, file: pathlib.Path) -> Config:
@@ -186,19 +182,6 @@ def options_of(config: Config) -> Options:
     return Options(**built, **{name: getattr(config, name) for name in plain})
 
 
-def one_line(error: BaseException) -> str:
-    """An error's message without line breaks and without the library's own bookkeeping."""
-    text = str(error)
-    if isinstance(error, ConfigKeyError | ConfigAttributeError) and isinstance(error.parent_node, DictConfig):
-        return f"{error.full_key}: no such key; expected one of {', '.join(map(str, error.parent_node))}"
-    if key := getattr(error, "full_key", None):
-        message = str(getattr(error, "msg", None) or text).strip().splitlines()[0]
-        return message if key in message else f"{key}: {message}"
-    lines = [line.strip() for line in text.splitlines()]
-    kept = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type="))]
-    return " ".join(kept) or type(error).__name__
-
-
 def _path_of(config: PathConfig, vehicle: Vehicle) -> Path:
     """The path; where its numbers, each good by itself, make none together, the message names their keys."""
     try:
@@ -215,9 +198,9 @@ def _half_axes(label: str, value: Any, dimension: int) -> tuple[float, ...]:
     given = value if isinstance(value, Sequence) and not isinstance(value, str) else [value] * dimension
     numbers = _numbers(given)
     if numbers is None:
-        raise InputError(f"{label}: expected a number or a list of {dimension} numbers, got {value}")
+        raise InputError(f"{label}: expected a number or a list of {dimension} numbers, got {shown(value)}")
     if not all(0 < number < float("inf") for number in numbers):
-        raise InputError(f"{label}: expected positive finite numbers, got {value}")
+        raise InputError(f"{label}: expected positive finite numbers, got {shown(value)}")
     return tuple(numbers)
 
 
@@ -238,7 +221,7 @@ def _pairs(given: Any) -> tuple[tuple[float, float], ...] | None:
 
 def _obstacles(value: Any) -> tuple[Obstacle, ...]:
     if not isinstance(value, list):
-        raise InputError(f"sets.obstacles: expected a list, empty for none, got {value}")
+        raise InputError(f"sets.obstacles: expected a list, empty for none, got {shown(value)}")
     return tuple(map(_obstacle, value))
 
 
@@ -256,7 +239,7 @@ def _obstacle(entry: Any) -> Obstacle:
 def _footprint(value: Any) -> tuple[FootprintDisc, ...]:
     discs = _pairs(value)
     if discs is None:
-        raise InputError(f"vehicle.footprint: expected a list of discs [radius, offset], got {value}")
+        raise InputError(f"vehicle.footprint: expected a list of discs [radius, offset], got {shown(value)}")
     return tuple(FootprintDisc(radius, offset) for radius, offset in discs)
 
 

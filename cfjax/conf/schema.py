@@ -5,6 +5,7 @@ only what has no object of its own.
 """
 
 import abc
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -30,6 +31,15 @@ from cfjax.problem import (
     waypoints,
 )
 from cfjax.problem.waypoints import SEGMENT_LENGTH
+
+
+INTERVAL = "a number or an interval [lower, upper]"
+BY_STATE = "a number or a list of numbers, one a state"
+
+
+def _any_of(expected: str, default: Any) -> Any:
+    """A field whose values no type describes: a mistaken one is answered by these words."""
+    return field(default_factory=lambda: copy.copy(default), metadata={"expected": expected})
 
 
 @dataclass
@@ -159,9 +169,9 @@ class TubeConfig(PathConfig):
     """A number, or an interval [lower, upper]; of curvature and acceleration a number stands for ± itself."""
 
     kind: str = "tube"
-    speed: Any = 1.0  # m/s
-    curvature: Any = 1.0  # 1/m
-    acceleration: Any = 0.0  # dv/dtheta, m/s²
+    speed: Any = _any_of(INTERVAL, 1.0)  # m/s
+    curvature: Any = _any_of(INTERVAL, 1.0)  # 1/m
+    acceleration: Any = _any_of(INTERVAL, 0.0)  # dv/dtheta, m/s²
 
     def build(self, vehicle: Vehicle) -> Path:
         bounds = {label: _bounds(label, getattr(self, label)) for label in ("speed", "curvature", "acceleration")}
@@ -200,7 +210,7 @@ class VehicleConfig(abc.ABC):
     """A vehicle with numbers; `kind` says which of these classes it is. Its body: discs [radius, offset], m."""
 
     kind: str = MISSING
-    footprint: Any = field(default_factory=lambda: [[0.25, 0.0]])  # only obstacles ask for it
+    footprint: Any = _any_of("a list of discs [radius, offset]", [[0.25, 0.0]])  # only obstacles ask for it
 
     @abc.abstractmethod
     def build(self) -> Vehicle: ...
@@ -240,10 +250,10 @@ class SetsConfig:
     Obstacles, which belong to S too: {disc: [x, y, radius]} or {polygon: [[x, y], ...]}, convex; m.
     """
 
-    inlet: Any = 0.5
-    goal: Any = 0.5
-    safe: Any = None
-    obstacles: Any = field(default_factory=list)
+    inlet: Any = _any_of(BY_STATE, 0.5)
+    goal: Any = _any_of(BY_STATE, 0.5)
+    safe: Any = _any_of(f"{BY_STATE}, or null", None)
+    obstacles: Any = _any_of("a list, like [{disc: [x, y, radius]}]", [])
 
 
 @dataclass

@@ -4,6 +4,7 @@ A sweep's folder is named by what was asked: the overrides, the content of files
 the packages. A job is done where its folder holds a complete run of the same resolved configuration.
 """
 
+import errno
 import fcntl
 import functools
 import hashlib
@@ -17,6 +18,7 @@ from contextlib import contextmanager
 from multiprocessing import current_process
 from pathlib import Path
 
+from cfjax.conf import values_of
 from cfjax.errors import InputError
 from cfjax.report.run_folder import CONFIG, RESULT, WAYPOINTS, read_json, versions, write_whole
 
@@ -32,7 +34,7 @@ def sweep_identity(overrides: Sequence[str]) -> dict[str, object]:
     files = {
         value: hashlib.sha256(Path(value).read_bytes()).hexdigest()
         for override in asked
-        for value in override.partition("=")[2].split(",")
+        for value in values_of(override)
         if value and Path(value).is_file()
     }
     return {"overrides": asked, "files": files, "versions": versions()}
@@ -62,17 +64,23 @@ def open_sweep(folder: Path, identity: dict[str, object]) -> None:
 
 
 @contextmanager
-def locked(folder: Path, *, wait: bool) -> Iterator[None]:
+def locked(folder: Path, *, wait: bool, label: str = "hydra.sweep.dir") -> Iterator[None]:
     """Nobody else works in the folder. The system takes the lock back from a process that is killed.
 
+    Where the file system knows no locks, nobody is kept out.
+
     Raises:
-        InputError: where somebody does, and `wait` is false.
+        InputError: where somebody does, and `wait` is false; it is about the key `label`.
     """
     with (folder / LOCK).open("a") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
-            raise InputError(f"hydra.sweep.dir: another process is running the sweep in {folder}") from None
+            message = f"{label}: expected a folder of its own, but another process is at work in {folder}"
+            raise InputError(message) from None
+        except OSError as error:
+            if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):
+                raise
         yield
 
 

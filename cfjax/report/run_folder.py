@@ -19,9 +19,12 @@ import io
 import json
 import math
 import os
+import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,9 +39,11 @@ from cfjax.check.rational import float_below
 from cfjax.check.robustness import SHARE
 from cfjax.check.robustness import Absorbed as ProvenAmounts
 from cfjax.check.robustness import Robustness as Proven
-from cfjax.errors import InputError
+from cfjax.clock import Clock
+from cfjax.errors import InputError, NotWritten
 from cfjax.exact import tube_within
 from cfjax.funnel import Funnel, template_named
+from cfjax.options import Progress
 from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
 from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, SegmentResult, StretchMargin, WorstPlace
 from cfjax.verdict import Verdict
@@ -51,6 +56,7 @@ RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE = "result.json", "certificate.json", 
 PICTURE, REPORT, CONFIG, WAYPOINTS = "funnel.png", "report.html", "config.yaml", "waypoints.csv"
 COMMAND = ("python", "-m", "cfjax.train")  # what a run's command begins with; its overrides follow
 REFERENCE_ROWS = 201  # per segment
+LEAST_ROOM = 20e6  # bytes that a run's folder may take: most of them for the page
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
 
 Check = Callable[[Path], Report]
@@ -63,6 +69,13 @@ def refuse_finished(folder: Path) -> None:
         raise InputError(f"run folder: expected an empty one, but {folder} already holds a run")
 
 
+def require_room(folder: Path) -> None:
+    """Raises NotWritten where the disk has no room for a run in the folder, which need not be there yet."""
+    there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.is_dir())
+    if (free := shutil.disk_usage(there).free) < LEAST_ROOM:
+        raise NotWritten(f"{folder}: expected at least {LEAST_ROOM / 1e6:.0f} MB free, got {free / 1e6:.2g} MB")
+
+
 def write_run(
     result: Result,
     folder: Path,
@@ -73,6 +86,7 @@ def write_run(
     drive: Callable[[Result], Result] | None = None,
     points: bytes | None = None,
     page: Callable[[Result, Path], None] | None = None,
+    progress: Progress | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
@@ -82,55 +96,84 @@ def write_run(
     funnels absorb, of which nothing is claimed but what the checker shows. `drive` adds the closed loop to the result
     as it then stands, `picture` draws funnel.png of it and `page` writes report.html; if one of these fails, it is said
     on stderr and the run stands. Whatever else stops one of them, Ctrl-C included, result.json is written before it
-    goes on.
+    goes on. `progress` hears of the stages.
+
+    Raises:
+        NotWritten: where the disk is full, or the folder is gone or may not be written; with the result as it stands.
     """
     refuse_finished(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    for leftover in (
-        CERTIFICATE,
-        ROBUSTNESS,
-        REFERENCE,
-        PICTURE,
-        REPORT,
-        CONFIG,
-        WAYPOINTS,
-    ):  # of a run that was killed
-        (folder / leftover).unlink(missing_ok=True)
     begin, before = time.perf_counter(), result.seconds.get("total", 0.0)
-    result = _write_certificate(result, folder / CERTIFICATE, check)
-    if result.document is not None:
-        result = _with_seconds(result, "check", time.perf_counter() - begin)
-    if harden is not None and result.verdict is Verdict.CERTIFIED:
-        start = time.perf_counter()
-        result = _write_robustness(result, folder, harden, check)
-        result = _with_seconds(result, "robustness", time.perf_counter() - start)
-    if result.problem.path.curve:  # a tube has none
-        write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
-    write_whole(folder / CONFIG, config_yaml.encode())
-    if points is not None:
-        write_whole(folder / WAYPOINTS, points)
+    clock = Clock.of(progress, {stage: value for stage, value in result.seconds.items() if stage != "total"})
+
+    def timed(result: Result) -> Result:
+        """Total, as it is so far, stays behind all stages."""
+        others = {name: value for name, value in result.seconds.items() if name not in {*clock.seconds, "total"}}
+        total = before + time.perf_counter() - begin
+        return result.replace(seconds={**clock.seconds, **others, "total": total})
+
     try:
-        if drive is not None:
-            result = drive(result)
-        if picture is not None:
-            start = time.perf_counter()
-            _draw(picture, result, folder / PICTURE)
-            result = _with_seconds(result, "plot", time.perf_counter() - start)
-        if page is not None:
-            start = time.perf_counter()
-            result = _with_seconds(result, "total", before + start - begin)  # as the page can know it
-            _draw(page, result, folder / REPORT)
-            result = _with_seconds(result, "report", time.perf_counter() - start)
-    finally:
-        result = _with_seconds(result, "total", before + time.perf_counter() - begin)
-        write_whole(folder / RESULT, (json.dumps(result_json(result), indent=2, allow_nan=False) + "\n").encode())
+        folder.mkdir(parents=True, exist_ok=True)
+        _clear(folder)
+        with clock.stage("check") if result.document is not None else nullcontext():
+            result = _write_certificate(result, folder / CERTIFICATE, check)
+        if result.problem.path.curve:  # a tube has none
+            write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
+        write_whole(folder / CONFIG, config_yaml.encode())
+        if points is not None:
+            write_whole(folder / WAYPOINTS, points)
+        try:
+            if harden is not None and result.verdict is Verdict.CERTIFIED:
+                with clock.stage("robustness"):
+                    result = _write_robustness(result, folder, harden, check)
+            if drive is not None:
+                result = drive(result)
+            if picture is not None:
+                with clock.stage("plot"):
+                    _draw(picture, result, folder / PICTURE)
+            if page is not None:
+                with clock.stage("report"):
+                    _draw(page, timed(result), folder / REPORT)  # with the seconds that it can know
+        finally:
+            result = timed(result)
+            write_whole(folder / RESULT, (json.dumps(result_json(result), indent=2, allow_nan=False) + "\n").encode())
+    except OSError as error:
+        raise NotWritten(f"{folder}: cannot be written ({error.strerror or error})", result) from error
     return result
 
 
-def _with_seconds(result: Result, stage: str, seconds: float) -> Result:
-    """The stage comes last; total, written last, stays behind all of them."""
-    others = {name: value for name, value in result.seconds.items() if name != stage}
-    return result.replace(seconds={**others, stage: seconds})
+def _clear(folder: Path) -> None:
+    """Removes what a run that was killed has left."""
+    for leftover in (CERTIFICATE, ROBUSTNESS, REFERENCE, PICTURE, REPORT, CONFIG, WAYPOINTS):
+        for path in (folder / leftover, _draft(folder / leftover), _drawing(folder / leftover)):
+            path.unlink(missing_ok=True)
+
+
+def keep_elsewhere(
+    lost: NotWritten, folder: Path, config_yaml: str, points: bytes | None = None
+) -> tuple[Result, Path]:
+    """The run that `folder` did not take, in a new folder where the system has room: without picture, page and cars.
+
+    Raises:
+        NotWritten: where there is none either. Its result claims nothing, unless the proof lies in `folder`.
+    """
+    result: Result = lost.result
+    try:
+        hints = read_json(folder / ROBUSTNESS)
+    except InputError:
+        hints = None
+    try:
+        elsewhere = Path(tempfile.mkdtemp(prefix="cfjax-"))
+        written = write_run(
+            result.replace(robustness=None), elsewhere, config_yaml, points=points, harden=lambda _: hints
+        )
+        return written, elsewhere
+    except (OSError, NotWritten):
+        if (folder / CERTIFICATE).exists():
+            raise NotWritten(f"{lost}; {CERTIFICATE} is there, {RESULT} is not", result) from None
+        message = "a proof that was found could be written nowhere, so that nothing is certified"
+        if result.verdict in PROVES:
+            result = _without_claim(result, Verdict.INCONCLUSIVE, message).replace(closed_loop=None, robustness=None)
+        raise NotWritten(str(lost), result) from None
 
 
 def _write_certificate(result: Result, path: Path, check: Check) -> Result:
@@ -262,7 +305,7 @@ def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -
 
 def write_beside(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:
     """Have a picture or page written beside its place and put it there when it is whole."""
-    draft = path.with_name(f".part-{path.name}")  # keeps the suffix, which says what to draw
+    draft = _drawing(path)
     try:
         picture(result, draft)
         os.replace(draft, path)
@@ -272,7 +315,7 @@ def write_beside(picture: Callable[[Result, Path], None], result: Result, path: 
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file that is never seen half-written: beside its place, to disk, then renamed."""
-    draft = path.with_name(f".{path.name}.part")
+    draft = _draft(path)
     try:
         with draft.open("wb") as file:
             file.write(content)
@@ -281,6 +324,14 @@ def write_whole(path: Path, content: bytes) -> None:
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
+
+
+def _draft(path: Path) -> Path:
+    return path.with_name(f".{path.name}.part")
+
+
+def _drawing(path: Path) -> Path:
+    return path.with_name(f".part-{path.name}")  # keeps the suffix, which says what to draw
 
 
 def reference_csv(problem: Problem) -> str:

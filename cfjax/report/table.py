@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from yaml import YAMLError
 
-from cfjax.conf import Config, preset, problem_of
+from cfjax.conf import Config, preset, problem_of, values_of
 from cfjax.errors import InputError
 from cfjax.report.paper_rows import agreement, paper_found
 from cfjax.report.rounded import NOTHING, rounded_down
@@ -24,11 +24,12 @@ from cfjax.verdict import Verdict
 TABLE, PARQUET = "table.csv", "table.parquet"
 SWEPT = "swept."  # before the names of columns that hold what a sweep varied
 ERROR = "error.json"  # in the folder of a job that reached no verdict
+UNWRITTEN = "not written"  # what such a job is called whose folder did not take its run
 
 
 @dataclass(frozen=True)
 class Row:
-    """One job. Margins in 1/s; `verdict` is `bad input` or `crashed` where the job reached none."""
+    """One job. Margins in 1/s; `verdict` is `bad input`, `not written` or `crashed` where it reached none."""
 
     job: str
     path: str
@@ -50,7 +51,7 @@ class Row:
 
 
 def write_error(folder: Path, kind: str, message: str) -> None:
-    """Say in the job's folder why it reached no verdict: kind `bad input` or `crashed`."""
+    """Say in the job's folder why it reached no verdict: kind `bad input`, `not written` or `crashed`."""
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / ERROR, json.dumps({"kind": kind, "message": message}, indent=2).encode())
 
@@ -81,7 +82,7 @@ def frame(rows: list[Row], sweep: Path) -> pl.DataFrame:
 
 def _key_and_value(override: str) -> tuple[str, str]:
     key, _, value = override.lstrip("+~").partition("=")
-    return key, value
+    return key, "".join(values_of(override)) if value[:1] in ("'", '"') else value
 
 
 def unfinished(rows: list[Row]) -> int:

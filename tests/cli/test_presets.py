@@ -9,7 +9,7 @@ import pytest
 import yaml
 from scipy.special import ellipe, gamma
 
-from cfjax.conf import config_of, options_of, preset, preset_names, problem_of, with_path, yaml_of
+from cfjax.conf import config_of, options_of, preset, preset_names, problem_of, yaml_of
 from cfjax.problem import (
     Disc,
     KinematicBicycle,
@@ -152,21 +152,6 @@ def test_obstacles_and_footprint_are_what_was_given() -> None:
     assert problem.footprint == ((0.2, 0.0), (0.15, 0.3))
     assert problem_of(config_of(yaml_of(config))) == problem
     assert problem_of(preset("obstacle", ["sets.obstacles=[]"])).obstacles == ()
-
-
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [
-        ([], ["+path=oval"]),
-        (["path.speed=2", "sets.safe=null"], ["+path=oval", "path.speed=2", "sets.safe=null"]),
-        (["seed=3", "+path=circle"], ["seed=3", "+path=circle"]),
-        (["+path=circle,straight"], ["+path=circle,straight"]),
-        (["path=circle"], ["path=circle"]),  # which Hydra refuses
-        (["~path"], ["~path"]),
-    ],
-)
-def test_a_path_is_filled_in_where_none_is_chosen(given: list[str], expected: list[str]) -> None:
-    assert with_path(given) == expected
 
 
 def test_tube_is_what_was_promised() -> None:

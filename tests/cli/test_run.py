@@ -34,7 +34,7 @@ def test_run_ends_with_its_folder(
     assert last.startswith("run: ")
     assert folder.is_relative_to(tmp_path / "outputs")
     files = {entry.name for entry in folder.iterdir()}
-    assert files == {"result.json", "reference.csv", "funnel.png", "report.html", "config.yaml", ".hydra"}
+    assert files == {"result.json", "reference.csv", "funnel.png", "report.html", "config.yaml", ".hydra", ".lock"}
     data = json.loads((folder / "result.json").read_text())
     assert (data["verdict"], data["method"], data["path"], data["template"]) == (
         "inconclusive",
@@ -43,7 +43,8 @@ def test_run_ends_with_its_folder(
         "paper",
     )
     assert data["inputs"]["u0"] == [1.0, 1.0]
-    assert captured.err == "learn: 1 of 1, 0.0 s\n"
+    seconds = {stage: f"{stage}: {spent:.1f} s" for stage, spent in data["seconds"].items() if stage != "total"}
+    assert captured.err.splitlines() == ["learn: 0.0 s", seconds["plot"], seconds["report"]]
 
 
 def test_without_a_path_it_is_the_oval(train: Callable[..., int], quick: None) -> None:
@@ -124,7 +125,7 @@ def test_interrupt(
     monkeypatch.setattr(cfjax.synthesis, "search", interrupted)
     assert train("+path=circle", "hydra.run.dir=here") == 130
     assert capfd.readouterr().err == "interrupted\n"
-    assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra"}
+    assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra", ".lock"}
 
 
 def test_picture_that_fails_costs_nothing(
@@ -256,7 +257,7 @@ def test_interrupt_of_a_real_process(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=60)
     assert (process.returncode, error) == (130, "interrupted\n")
-    assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra"}
+    assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra", ".lock"}
 
 
 def test_summary_says_whether_the_objective_was_reached(hand_made: Callable[..., Result]) -> None:

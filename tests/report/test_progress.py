@@ -1,23 +1,77 @@
-"""Bars on a terminal, quiet lines in a file."""
+"""Bars on a terminal, quiet lines in a file, and one clock for both and for what is written."""
 
 import io
+import time
 
 import pytest
 from rich.console import Console
 
+from cfjax.clock import Clock
 from cfjax.report.progress import progress_on
 
 
+@pytest.fixture
+def hours(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """What the clock reads: the last entry."""
+    reads = [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: reads[-1])
+    return reads
+
+
 @pytest.mark.parametrize("terminal", [False, True])
-def test_lines_in_a_file_bars_on_a_terminal(terminal: bool) -> None:
+def test_lines_in_a_file_bars_on_a_terminal(terminal: bool, hours: list[float]) -> None:
     stream = io.StringIO()
-    with progress_on(Console(file=stream, force_terminal=terminal, width=80)) as progress:
-        for stage in ("learn", "certify", "learn"):
-            for done in range(101):
-                progress(stage, done, 100)
+    with progress_on(Console(file=stream, force_terminal=terminal, width=80)) as clock:
+        for stage, spent in (("learn", 2.0), ("certify", 0.25), ("learn", 1.5)):
+            with clock.stage(stage):
+                for done in range(101):
+                    clock(stage, done, 100)
+                hours.append(hours[-1] + spent)
+        with clock.stage("plot"):
+            hours.append(hours[-1] + 7.0)
+    assert clock.seconds == {"learn": 3.5, "certify": 0.25, "plot": 7.0}
     text = stream.getvalue()
     if terminal:
-        assert "100/100" in text
+        last = text.replace("\x1b[?25h", "").splitlines()[-3:]
+        assert [line.split("━\x1b[0m ")[-1] for line in last] == ["100 of 100, 3.5 s", "100 of 100, 0.2 s", "7.0 s"]
     else:
-        stages = [line.split(",")[0] for line in text.splitlines()]
-        assert stages == ["learn: 100 of 100", "certify: 100 of 100", "learn: 100 of 100"]
+        assert text.splitlines() == [
+            "learn: 100 of 100, 2.0 s",
+            "certify: 100 of 100, 0.2 s",
+            "learn: 100 of 100, 3.5 s in all",
+            "plot: 7.0 s",
+        ]
+
+
+def test_a_stage_is_shown_when_it_begins() -> None:
+    stream = io.StringIO()
+    with progress_on(Console(file=stream, force_terminal=True, width=80)) as clock, clock.stage("learn"):
+        time.sleep(0.2)
+    assert stream.getvalue().count("learn") > 1
+
+
+def test_who_is_told_hears_of_begin_and_end_once(hours: list[float]) -> None:
+    heard: list[tuple[str, int, int]] = []
+    clock = Clock(lambda *call: heard.append(call), {"learn": 10.0})
+    assert Clock.of(clock) is clock
+    with clock.stage("tubes"):
+        hours.append(1.0)
+        with clock.stage("learn"):
+            hours.append(3.0)
+            clock("learn", 1, 2)
+            with clock.stage("learn"):
+                hours.append(4.0)
+            clock("learn", 2, 2)
+        hours.append(8.0)
+    assert heard == [("tubes", 0, 1), ("learn", 0, 1), ("learn", 1, 2), ("learn", 2, 2), ("tubes", 1, 1)]
+    assert clock.seconds == {"learn": 13.0, "tubes": 5.0}
+
+
+def test_time_that_ends_in_an_error_counts_and_no_end_is_told(hours: list[float]) -> None:
+    heard: list[tuple[str, int, int]] = []
+    clock = Clock(lambda *call: heard.append(call))
+    with pytest.raises(ZeroDivisionError), clock.stage("certify"):
+        hours.append(2.0)
+        raise ZeroDivisionError
+    assert heard == [("certify", 0, 1)]
+    assert clock.seconds == {"certify": 2.0}
