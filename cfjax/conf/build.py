@@ -232,7 +232,7 @@ def _obstacle(entry: Any) -> Obstacle:
     if kind == "polygon" and not more and (corners := _pairs(shape)) is not None:
         return Polygon(corners)
     raise InputError(
-        f"sets.obstacles: expected entries {{disc: [x, y, radius]}} or {{polygon: [[x, y], ...]}}, got {entry}"
+        f"sets.obstacles: expected entries {{disc: [x, y, radius]}} or {{polygon: [[x, y], ...]}}, got {shown(entry)}"
     )
 
 

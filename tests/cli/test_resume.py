@@ -137,7 +137,7 @@ def test_a_killed_sweep_goes_on(command: Callable[..., subprocess.CompletedProce
             assert process.poll() is None
         again = command(*TINY)
         assert (again.returncode, again.stderr.count("\n")) == (2, 1)
-        assert "another process is running the sweep" in again.stderr
+        assert "another process is at work in" in again.stderr
         process.send_signal(signal.SIGKILL)
     (sweep,) = tmp_path.glob("multirun/*")
     stamp = (sweep / "0" / "result.json").stat().st_mtime_ns

@@ -1,13 +1,20 @@
 """A finished proof is never lost: whatever breaks after it, it lies in the run folder and the checker accepts it."""
 
+import errno
 import json
+import os
+import re
+import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import cfjax.report.page
 import cfjax.report.plot
+import cfjax.report.run_folder
 import cfjax.synthesis
 from cfjax.check import Outcome, check_file
 from cfjax.conf import options_of, preset, problem_of
@@ -32,6 +39,11 @@ def proven() -> Result:
     result = search(problem_of(config), options_of(config))
     assert (result.verdict, result.closed_loop) == (Verdict.CERTIFIED, None)
     return result
+
+
+def warnings_of(error: str) -> list[str]:
+    """The lines of stderr that speak of no stage's seconds."""
+    return [line for line in error.splitlines() if not re.fullmatch(r"\w+: [\d.]+ s", line)]
 
 
 @pytest.fixture
@@ -73,11 +85,12 @@ def test_cars_that_cannot_be_driven(
     broken = Breaks(error)
     monkeypatch.setattr(cfjax.synthesis, "drive_cars", broken)
     assert train("+path=circle", *QUESTION, "hydra.run.dir=here") == 0
-    assert broken.seen == {*PROOF, ".hydra"}  # before any car was driven
+    assert broken.seen == {*PROOF, ".hydra", ".lock"}  # before any car was driven
     assert_complete(Path("here"), proven)
     assert (Path("here") / "funnel.png").stat().st_size > 20_000
     captured = capfd.readouterr()
-    assert captured.err.endswith(line) and captured.err.count("\n") == 1
+    (said,) = warnings_of(captured.err)
+    assert said.endswith(line.rstrip())
     assert captured.out.splitlines()[0] == "certified: circle, pf"
     assert captured.out.splitlines()[-1].startswith("run: ")
 
@@ -110,10 +123,123 @@ def test_hints_that_are_not_found(
     assert train("+path=circle", *QUESTION, "robustness=true", "cars=10", "hydra.run.dir=here") == code
     assert broken.seen >= {"certificate.json"} and "result.json" not in broken.seen
     assert line in capfd.readouterr().err
+    assert_complete(Path("here"), proven, driven=code == 0)
     if code == 0:
-        assert_complete(Path("here"), proven, driven=True)
         assert json.loads((Path("here") / "result.json").read_text())["robustness"] is None
     assert not (Path("here") / "robustness.json").exists()
+
+
+class FullDisk:
+    """Stands where files are written, and refuses those of some names: in a folder, or wherever they are."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *names: str, folder: str | None, error: int) -> None:
+        self.names, self.folder, self.error = names, folder, error
+        self.write = cfjax.report.run_folder.write_whole
+        monkeypatch.setattr(cfjax.report.run_folder, "write_whole", self)
+
+    def __call__(self, path: Path, content: bytes) -> None:
+        if path.name in self.names and self.folder in (None, path.parent.name):
+            raise OSError(self.error, os.strerror(self.error), str(path))
+        self.write(path, content)
+
+
+@pytest.fixture
+def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """The system's folder for temporary files; and nothing is drawn."""
+    monkeypatch.setattr(cfjax.report.plot, "save_picture", lambda *_: None)
+    monkeypatch.setattr(cfjax.report.page, "save_page", lambda *_: None)
+    place = tmp_path / "elsewhere"
+    place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    return place
+
+
+QUICK = ("+path=circle", *QUESTION, "cars=0")
+
+
+@pytest.mark.parametrize(
+    ("name", "error"), [("certificate.json", errno.ENOSPC), ("config.yaml", errno.ENOENT), ("result.json", errno.EROFS)]
+)
+def test_what_the_folder_does_not_take_is_kept_elsewhere(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    elsewhere: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    name: str,
+    error: int,
+) -> None:
+    FullDisk(monkeypatch, name, folder="here", error=error)
+    assert train(*QUICK, "hydra.run.dir=here") == 3
+    (kept,) = elsewhere.iterdir()
+    assert_complete(kept, proven)
+    captured = capfd.readouterr()
+    assert captured.out.splitlines()[0] == "certified: circle, pf"
+    assert captured.out.splitlines()[-1] == f"run: {kept}"
+    (said,) = [line for line in warnings_of(captured.err) if line.startswith("error")]
+    assert said == f"error: here: cannot be written ({os.strerror(error)}); what came out is kept in {kept}"
+    assert not (Path("here") / "result.json").exists()
+
+
+def test_a_proof_that_nothing_takes_is_not_called_certified(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    elsewhere: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    FullDisk(monkeypatch, "certificate.json", folder=None, error=errno.ENOSPC)
+    assert train(*QUICK, "hydra.run.dir=here") == 3
+    captured = capfd.readouterr()
+    assert captured.out.splitlines()[0] == "inconclusive: circle, pf"
+    assert "a proof that was found could be written nowhere, so that nothing is certified" in captured.out
+    assert "nothing proven; the falsifier found no less than" in captured.out
+    assert captured.err.endswith("error: here: cannot be written (No space left on device)\n")
+
+
+def test_where_the_proof_lies_is_said_if_its_verdict_goes_nowhere(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    elsewhere: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    FullDisk(monkeypatch, "result.json", folder=None, error=errno.ENOSPC)
+    assert train(*QUICK, "hydra.run.dir=here") == 3
+    captured = capfd.readouterr()
+    assert captured.out.splitlines()[0] == "certified: circle, pf"
+    assert captured.err.endswith(
+        "error: here: cannot be written (No space left on device); certificate.json is there, result.json is not\n"
+    )
+    assert check_file(Path("here") / "certificate.json").outcome is Outcome.PROVEN
+
+
+def test_a_folder_that_is_removed_meanwhile_is_made_again(
+    train: Callable[..., int], proven: Result, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def search(*_: object) -> Result:
+        shutil.rmtree("here")
+        return proven
+
+    monkeypatch.setattr(cfjax.synthesis, "search", search)
+    assert train(*QUICK, "hydra.run.dir=here") == 0
+    assert_complete(Path("here"), proven)
+
+
+def test_the_same_command_goes_on_where_it_was_killed(
+    train: Callable[..., int], searched: None, proven: Result, elsewhere: Path, tmp_path: Path
+) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    left = ("certificate.json", ".certificate.json.part", ".part-funnel.png", ".part-report.html", ".result.json.part")
+    for name in (*left, "robustness.json", ".lock"):
+        (here / name).write_text("half of")
+    assert train(*QUICK, "hydra.run.dir=here") == 0
+    assert_complete(here, proven)
+    assert {entry.name for entry in here.iterdir()} == {*PROOF, ".hydra", ".lock", "result.json"}
 
 
 def test_more_cars_than_memory_holds(
@@ -121,8 +247,8 @@ def test_more_cars_than_memory_holds(
 ) -> None:
     assert train("+path=circle", *QUESTION, "hydra.run.dir=here", f"cars={10**14}") == 0
     assert_complete(Path("here"), proven)
-    error = capfd.readouterr().err
-    assert error.startswith("warning: the cars were not driven (") and error.count("\n") == 1
+    (said,) = warnings_of(capfd.readouterr().err)
+    assert said.startswith("warning: the cars were not driven (")
 
 
 def test_interrupt_while_cars_are_driven(
@@ -134,7 +260,7 @@ def test_interrupt_while_cars_are_driven(
 ) -> None:
     monkeypatch.setattr(cfjax.synthesis, "drive_cars", Breaks(KeyboardInterrupt()))
     assert train("+path=circle", *QUESTION, "hydra.run.dir=here") == 130
-    assert capfd.readouterr().err == "interrupted\n"
+    assert warnings_of(capfd.readouterr().err) == ["interrupted; the run is complete: here"]
     assert_complete(Path("here"), proven)
 
 
@@ -150,10 +276,10 @@ def test_picture_that_breaks(
     broken = Breaks(error)
     monkeypatch.setattr(cfjax.report.plot, "save_picture", broken)
     assert train("+path=circle", *QUESTION, "hydra.run.dir=here", "cars=10") == code
-    assert broken.seen == {*PROOF, ".hydra"}
+    assert broken.seen == {*PROOF, ".hydra", ".lock"}
     assert_complete(Path("here"), proven, driven=True)
     page = set() if code else {"report.html"}  # drawn by itself, where nobody interrupts
-    assert {entry.name for entry in Path("here").iterdir()} == {*PROOF, ".hydra", "result.json", *page}
+    assert {entry.name for entry in Path("here").iterdir()} == {*PROOF, ".hydra", ".lock", "result.json", *page}
 
 
 def test_python_users_keep_the_result(
