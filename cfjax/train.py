@@ -79,7 +79,7 @@ class Checks(Callback):
             folder.mkdir(parents=True, exist_ok=True)
             Checks.held.enter_context(locked(folder, wait=False, label="hydra.run.dir"))
             refuse_finished(folder)  # by who held the lock until now
-            Checks.run = folder
+            Checks.run = folder.absolute()
 
     def on_multirun_start(self, config: "DictConfig", **_: Any) -> None:
         from cfjax.report.resume import locked, open_sweep
@@ -325,7 +325,7 @@ def run(
 
 def summary(result: "Result", objective: "Objective") -> str:
     """A few lines for people."""
-    from cfjax.report.rounded import MILLI, rounded_down
+    from cfjax.report.rounded import MILLI, margin_text, rounded_down
 
     problem, loop = result.problem, result.closed_loop
     lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}"]
@@ -333,11 +333,11 @@ def summary(result: "Result", objective: "Objective") -> str:
         lines.append(result.message)
     if result.margin_falsified is not None:
         margin = result.margin_certified
-        proven = "nothing proven" if margin is None else f"{rounded_down(margin)} 1/s proven"
+        proven = "nothing proven" if margin is None else f"{margin_text(margin)} 1/s proven"
         per_metre = [found.margin_per_metre for found in result.segments if found.margin_per_metre is not None]
-        way = f" ({rounded_down(min(per_metre))} per metre of the path)" if per_metre else ""
+        way = f" ({margin_text(min(per_metre))} per metre of the path)" if per_metre else ""
         known = math.isfinite(result.margin_falsified)  # tubes that came with the package are not searched again
-        found = f"; the falsifier found no less than {result.margin_falsified:.4g} 1/s" if known else ""
+        found = f"; the falsifier found no less than {margin_text(result.margin_falsified)} 1/s" if known else ""
         lines.append(f"margin: {proven}{way}{found}")
         wanted = objective.margin
         if wanted is not None and (result.margin_certified or 0.0) < wanted:

@@ -23,6 +23,7 @@ from cfjax.conf import options_of, preset, problem_of
 from cfjax.learner.oracle import PATIENCE
 from cfjax.report.lines import markdown, write_lines
 from cfjax.report.paper_rows import agreement, paper_found
+from cfjax.report.rounded import margin_text
 from cfjax.synthesis import synthesize
 
 
@@ -144,7 +145,7 @@ def compared(lines: Sequence[Line]) -> list[Comparison]:
     def outcome(line: Line | None) -> str:
         if line is None:
             return ""
-        return line.verdict if line.certified is None else f"{line.certified:.4g}"
+        return line.verdict if line.certified is None else margin_text(line.certified)
 
     def told(of: dict[str, Line], name: str) -> str:
         values = (getattr(of[learner], name) for learner in LEARNERS if learner in of)

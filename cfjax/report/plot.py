@@ -8,7 +8,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from cfjax.report.along import draw_along, panels
 from cfjax.report.plane import Plane
-from cfjax.report.rounded import rounded_down
+from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
 from cfjax.report.tube_plot import draw_tube
 from cfjax.result import Result
@@ -90,7 +90,7 @@ def _title(result: Result) -> str:
         parts.append(f"{result.segments[0].funnel.template.name} template")
     parts.append(result.verdict.value)
     if margin is not None:
-        parts.append(rf"$\lambda = {rounded_down(margin, 3)}$ s$^{{-1}}$ proven")
+        parts.append(rf"$\lambda = {margin_text(margin)}$ s$^{{-1}}$ proven")
     elif found is not None:
-        parts.append(rf"$\lambda = {found:.3g}$ s$^{{-1}}$ falsified, nothing proven")
+        parts.append(rf"$\lambda = {margin_text(found)}$ s$^{{-1}}$ falsified, nothing proven")
     return " · ".join(parts)

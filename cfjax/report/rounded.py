@@ -17,6 +17,11 @@ def rounded_down(value: float | Decimal | None, digits: int = 4, power: int = 0)
     return _rounded(value, digits, power, ROUND_FLOOR)
 
 
+def margin_text(value: float | None) -> str:
+    """A margin, certified or falsified, as it stands wherever people read it: in 1/s, or in 1/m per metre."""
+    return rounded_down(value)
+
+
 def rounded_up(value: float | Decimal | None, digits: int = 4, power: int = 0) -> str:
     """The smallest decimal of so many significant digits that is at least value · 10^power; a dash for no value."""
     return _rounded(value, digits, power, ROUND_CEILING)

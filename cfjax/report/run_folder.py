@@ -300,7 +300,8 @@ def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -
     try:
         write_beside(picture, result, path)
     except Exception as error:
-        print(f"warning: {path.name} could not be drawn ({type(error).__name__}: {error})", file=sys.stderr)
+        why = error.strerror if isinstance(error, OSError) else None
+        print(f"warning: {path.name} could not be drawn ({why or f'{type(error).__name__}: {error}'})", file=sys.stderr)
 
 
 def write_beside(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:
@@ -444,9 +445,10 @@ def _segment_json(problem: Problem, found: SegmentResult) -> dict[str, Any]:
         "half_widths": dict(zip(states, _half_widths(funnel), strict=True)),
     }
     if found.margin_certified is not None:
-        # of each state's rate alone: with it V still does not grow on beta_lower <= V <= 1 at theta = 0
+        # of each state's rate alone: with it V still does not grow on beta_lower <= V <= 1 at theta = 0; what the
+        # checker proves of a law that it names is `disturbance` in `robustness`
         absorbed = funnel.absorbed_disturbance(found.margin_certified)
-        content["disturbance"] = {name: _below(bound) for name, bound in zip(states, absorbed, strict=True)}
+        content["margin_as_disturbance"] = {name: _below(bound) for name, bound in zip(states, absorbed, strict=True)}
     if tube := problem.path.tube or found.reference:
         content["margin_per_metre"] = _number(found.margin_per_metre)
         content["contraction"] = {"level": float(funnel.inner), "metres": _number(found.contraction)}

@@ -9,7 +9,7 @@ import polars as pl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from cfjax.report.rounded import rounded_down
+from cfjax.report.rounded import margin_text
 from cfjax.report.style import CAR_COLOURS, STYLE
 from cfjax.report.table import SWEPT
 
@@ -80,7 +80,7 @@ def _map(done: pl.DataFrame, across: str, up: str, others: list[str]) -> Figure:
             at = [list(numbers).index(_value(str(row[c]))) for numbers, c in zip(ticks, (across, up), strict=True)]
             proven = row["certified"]
             margins[at[1], at[0]] = np.nan if proven is None else proven
-            text = "none" if proven is None else rounded_down(proven, 3)
+            text = "none" if proven is None else margin_text(proven)
             light = proven is not None and proven < 0.6 * most
             place.text(at[0], at[1], text, ha="center", va="center", fontsize=7, color="white" if light else "black")
         drawn = place.imshow(margins, origin="lower", aspect="auto", cmap="viridis", vmin=0, vmax=most)

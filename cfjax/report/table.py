@@ -16,7 +16,7 @@ from yaml import YAMLError
 from cfjax.conf import Config, preset, problem_of, values_of
 from cfjax.errors import InputError
 from cfjax.report.paper_rows import agreement, paper_found
-from cfjax.report.rounded import NOTHING, rounded_down
+from cfjax.report.rounded import NOTHING, margin_text
 from cfjax.report.run_folder import COMMAND, RESULT, read_config, read_json, write_whole
 from cfjax.verdict import Verdict
 
@@ -136,7 +136,7 @@ def _cell(column: str, value: object) -> str:
     if value is None:
         return NOTHING
     if isinstance(value, float):
-        return rounded_down(value) if column == "certified" else f"{value:.4g}"
+        return margin_text(value) if column in ("certified", "falsified") else f"{value:.4g}"
     return str(value)
 
 

@@ -109,7 +109,7 @@ def test_a_tube_ends_certified(command: Command, tmp_path: Path) -> None:
     shape = np.array(segment["C"])
     for width, disturbance, exact, curvature in zip(
         segment["half_widths"].values(),
-        segment["disturbance"].values(),
+        segment["margin_as_disturbance"].values(),
         np.sqrt(np.diag(np.linalg.inv(shape))),
         np.diag(shape),
         strict=True,

@@ -178,7 +178,10 @@ def test_what_the_folder_does_not_take_is_kept_elsewhere(
     assert captured.out.splitlines()[0] == "certified: circle, pf"
     assert captured.out.splitlines()[-1] == f"run: {kept}"
     (said,) = [line for line in warnings_of(captured.err) if line.startswith("error")]
-    assert said == f"error: here: cannot be written ({os.strerror(error)}); what came out is kept in {kept}"
+    assert (
+        said
+        == f"error: {Path('here').absolute()}: cannot be written ({os.strerror(error)}); what came out is kept in {kept}"
+    )
     assert not (Path("here") / "result.json").exists()
 
 
@@ -196,7 +199,7 @@ def test_a_proof_that_nothing_takes_is_not_called_certified(
     assert captured.out.splitlines()[0] == "inconclusive: circle, pf"
     assert "a proof that was found could be written nowhere, so that nothing is certified" in captured.out
     assert "nothing proven; the falsifier found no less than" in captured.out
-    assert captured.err.endswith("error: here: cannot be written (No space left on device)\n")
+    assert captured.err.endswith(f"error: {Path('here').absolute()}: cannot be written (No space left on device)\n")
 
 
 def test_where_the_proof_lies_is_said_if_its_verdict_goes_nowhere(
@@ -212,7 +215,7 @@ def test_where_the_proof_lies_is_said_if_its_verdict_goes_nowhere(
     captured = capfd.readouterr()
     assert captured.out.splitlines()[0] == "certified: circle, pf"
     assert captured.err.endswith(
-        "error: here: cannot be written (No space left on device); certificate.json is there, result.json is not\n"
+        "here: cannot be written (No space left on device); certificate.json is there, result.json is not\n"
     )
     assert check_file(Path("here") / "certificate.json").outcome is Outcome.PROVEN
 
@@ -260,7 +263,7 @@ def test_interrupt_while_cars_are_driven(
 ) -> None:
     monkeypatch.setattr(cfjax.synthesis, "drive_cars", Breaks(KeyboardInterrupt()))
     assert train("+path=circle", *QUESTION, "hydra.run.dir=here") == 130
-    assert warnings_of(capfd.readouterr().err) == ["interrupted; the run is complete: here"]
+    assert warnings_of(capfd.readouterr().err) == [f"interrupted; the run is complete: {Path('here').absolute()}"]
     assert_complete(Path("here"), proven)
 
 

@@ -1,5 +1,8 @@
 """Figures over two axes: the plane, V along the way, inputs against their limits, margins along the path, sections."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 import shapely
 
@@ -9,7 +12,7 @@ from cfjax.report.page.cars import Car
 from cfjax.report.page.figure import Figure, Trace, axis, band, layout, level, line
 from cfjax.report.page.terms import input_label, state_label
 from cfjax.report.plane import Plane, positions
-from cfjax.report.rounded import rounded_up, written
+from cfjax.report.rounded import margin_text, rounded_up, written
 from cfjax.report.style import (
     BODY_COLOUR,
     BODY_EDGE_COLOUR,
@@ -143,14 +146,14 @@ def margin_figure(result: Result) -> Figure:
                 2.0,
                 fill="tozeroy",
                 fillcolor=FUNNEL_COLOUR,
-                hovertemplate=_AT,
+                **_hover(heights),
             )
         )
     falsified = np.array([found.margin_falsified for found in result.segments])
     if np.isfinite(falsified).any():  # tubes that came with the package are not searched again
         steps = [end for span in spans for end in span]
         traces.append(
-            line(steps, np.repeat(falsified, 2), "falsified", REFERENCE_COLOUR, 1.6, "dash", hovertemplate=_AT)
+            line(steps, each := np.repeat(falsified, 2), "falsified", REFERENCE_COLOUR, 1.6, "dash", **_hover(each))
         )
         top, bottom = max(top, float(np.nanmax(falsified))), min(0.0, float(np.nanmin(falsified)))
     own = layout("reference time θ (s)", "margin λ (1/s)")
@@ -170,7 +173,8 @@ def margin_figure(result: Result) -> Figure:
     return Figure("margins", "The margin along the path, certified and falsified", traces, own)
 
 
-_AT = "%{y:.5g} 1/s at θ = %{x:.3f} s"
+def _hover(margins: Iterable[float]) -> dict[str, Any]:
+    return {"text": [margin_text(float(each)) for each in margins], "hovertemplate": "%{text} 1/s at θ = %{x:.3f} s"}
 
 
 def section_figure(result: Result) -> Figure:

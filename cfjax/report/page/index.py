@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from cfjax.report.page.page import environment, text_of
-from cfjax.report.page.tables import number
-from cfjax.report.rounded import rounded_down
+from cfjax.report.page.tables import margin, number
 from cfjax.report.run_folder import REPORT, write_whole
 from cfjax.report.table import gather
 
@@ -30,7 +29,7 @@ def write_index(sweep: Path) -> Path:
             largest=max(margins, default=1.0) or 1.0,
             paper=any(row.paper for row in rows),
             number=number,
-            rounded_down=rounded_down,
+            shown=margin,
             style=text_of("page.css"),
             own=text_of("index.css"),
         )

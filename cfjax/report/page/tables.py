@@ -7,7 +7,7 @@ import numpy as np
 
 from cfjax.problem import Disc
 from cfjax.report.page.terms import input_label, short_label
-from cfjax.report.rounded import MILLI, rounded_down, rounded_up, written
+from cfjax.report.rounded import MILLI, margin_text, rounded_down, rounded_up, written
 from cfjax.report.run_folder import numbers_of
 from cfjax.result import Result
 from cfjax.verdict import Verdict
@@ -62,16 +62,16 @@ def account(result: Result) -> list[str]:
 def facts(result: Result) -> list[Fact]:
     """The figures that people look for first."""
     found = [
-        Fact(rounded_down(result.margin_certified), "1/s", "margin λ, certified"),
+        Fact(margin(result.margin_certified), "1/s", "margin λ, certified"),
     ]
     falsified = result.margin_falsified
     if falsified is not None and math.isfinite(falsified):  # tubes that came with the package are not searched again
-        found.append(Fact(number(falsified), "1/s", "margin λ, falsified"))
+        found.append(Fact(margin(falsified), "1/s", "margin λ, falsified"))
     if result.margin_certified is None:
         found[0] = Fact("none", "", "margin λ, certified")
     per_metre = [each.margin_per_metre for each in result.segments if each.margin_per_metre is not None]
     if per_metre:
-        found.append(Fact(rounded_down(min(per_metre)), "1/m", "margin per metre, certified"))
+        found.append(Fact(margin(min(per_metre)), "1/m", "margin per metre, certified"))
     if (loop := result.closed_loop) is not None:
         lost = loop.left_funnel + loop.left_safe + loop.missed_goal
         found.append(
@@ -144,7 +144,7 @@ def funnels(result: Result) -> tuple[tuple[str, ...], Rows]:
         since = end
         where = "any" if math.isinf(end) else f"{number(begin)} to {number(end)}"
         widths = (rounded_up(width, 3) for width in found.funnel.half_widths())
-        margins = rounded_down(found.margin_certified), number(found.margin_falsified)
+        margins = margin(found.margin_certified), margin(found.margin_falsified)
         rows.append((f"{'tube' if held else 'segment'} {index + 1}", where, *margins, *widths))
     return head, rows
 
@@ -177,8 +177,8 @@ def rounds(result: Result) -> tuple[tuple[str, ...], Rows]:
     rows: Rows = [
         (
             str(index + 1),
-            number(figures.get("falsified")),
-            rounded_down(figures.get("certified") or None),
+            margin(figures.get("falsified")),
+            margin(figures.get("certified") or None),
             f"{figures.get('counterexamples', 0):.0f}",
         )
         for index, figures in enumerate(result.history)
@@ -218,6 +218,11 @@ def extremes(result: Result, inputs: list[np.ndarray]) -> tuple[tuple[str, ...],
         used = f"{number(every[:, k].min(), 3)} to {number(every[:, k].max(), 3)}"
         rows.append((input_label(name), f"{number(box.lower)} to {number(box.upper)}", used))
     return ("input", "limits", "used by the cars shown"), rows
+
+
+def margin(value: float | None) -> str:
+    """As `margin_text`, with a true minus."""
+    return margin_text(value).replace("inf", "∞").replace("-", "−")
 
 
 def _by_state(states: tuple[str, ...], values: tuple[float, ...]) -> str:
