@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -157,23 +157,25 @@ def keep_elsewhere(
         NotWritten: where there is none either. Its result claims nothing, unless the proof lies in `folder`.
     """
     result: Result = lost.result
-    try:
+    hints = None
+    with suppress(InputError):
         hints = read_json(folder / ROBUSTNESS)
-    except InputError:
-        hints = None
     try:
         elsewhere = Path(tempfile.mkdtemp(prefix="cfjax-"))
-        written = write_run(
-            result.replace(robustness=None), elsewhere, config_yaml, points=points, harden=lambda _: hints
-        )
-        return written, elsewhere
+        again = (lambda _: hints) if hints else None
+        return write_run(
+            result.replace(robustness=None), elsewhere, config_yaml, harden=again, points=points
+        ), elsewhere
     except (OSError, NotWritten):
-        if (folder / CERTIFICATE).exists():
-            raise NotWritten(f"{lost}; {CERTIFICATE} is there, {RESULT} is not", result) from None
+        pass
+    with suppress(OSError, InputError):
+        if result.document is not None and (folder / CERTIFICATE).read_bytes() == dump(result.document).encode():
+            proven = confirmed(result, folder)
+            raise NotWritten(f"{lost}; {CERTIFICATE} is there, {RESULT} is not", proven)
+    if result.verdict in PROVES:
         message = "a proof that was found could be written nowhere, so that nothing is certified"
-        if result.verdict in PROVES:
-            result = _without_claim(result, Verdict.INCONCLUSIVE, message).replace(closed_loop=None, robustness=None)
-        raise NotWritten(str(lost), result) from None
+        result = _without_claim(result, Verdict.INCONCLUSIVE, message).replace(closed_loop=None, robustness=None)
+    raise NotWritten(str(lost), result)
 
 
 def _write_certificate(result: Result, path: Path, check: Check) -> Result:

@@ -178,10 +178,8 @@ def test_what_the_folder_does_not_take_is_kept_elsewhere(
     assert captured.out.splitlines()[0] == "certified: circle, pf"
     assert captured.out.splitlines()[-1] == f"run: {kept}"
     (said,) = [line for line in warnings_of(captured.err) if line.startswith("error")]
-    assert (
-        said
-        == f"error: {Path('here').absolute()}: cannot be written ({os.strerror(error)}); what came out is kept in {kept}"
-    )
+    here = Path("here").absolute()
+    assert said == f"error: {here}: cannot be written ({os.strerror(error)}); what came out is kept in {kept}"
     assert not (Path("here") / "result.json").exists()
 
 
@@ -200,6 +198,27 @@ def test_a_proof_that_nothing_takes_is_not_called_certified(
     assert "a proof that was found could be written nowhere, so that nothing is certified" in captured.out
     assert "nothing proven; the falsifier found no less than" in captured.out
     assert captured.err.endswith(f"error: {Path('here').absolute()}: cannot be written (No space left on device)\n")
+
+
+def test_a_proof_of_another_question_in_the_folder_proves_nothing(
+    train: Callable[..., int],
+    searched: None,
+    proven: Result,
+    elsewhere: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """What a killed run left cannot be removed from a folder that may not be written."""
+
+    def refuse(folder: Path) -> None:
+        (folder / "certificate.json").write_text(json.dumps({**(proven.document or {}), "version": "another"}))
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(folder))
+
+    monkeypatch.setattr(cfjax.report.run_folder, "_clear", refuse)
+    assert train(*QUICK, "hydra.run.dir=here") == 3
+    captured = capfd.readouterr()
+    assert captured.out.splitlines()[0] == "inconclusive: circle, pf"
+    assert "certificate.json is there" not in captured.err
 
 
 def test_where_the_proof_lies_is_said_if_its_verdict_goes_nowhere(
