@@ -177,10 +177,12 @@ def _main() -> int:
         sys.argv[begin : begin + len(given.overrides)] = overrides
     results: list[Result] = []
     refusals: list[InputError | NotWritten] = []
+    begun: list[bool] = []
     command = os.getpid()  # a job may run in a worker, which has another one
 
     @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
     def job(node: "DictConfig") -> None:
+        begun.append(True)
         try:
             with at_work(command):
                 if (result := run_job(node)) is not None:
@@ -199,8 +201,10 @@ def _main() -> int:
     except Exception as error:
         if not Checks.composed:
             return _refuse(one_line(error))
-        if isinstance(error, OSError) and error.errno in FULL:  # what Hydra writes beside our files
+        if isinstance(error, OSError) and (error.errno in FULL or not (begun or Checks.sweep)):  # Hydra's own
             place = error.filename or Checks.sweep or Checks.run
+            if error.errno not in FULL:
+                return _refuse(f"{place}: cannot be written ({error.strerror})")
             return _refuse(f"{place}: cannot be written ({error.strerror}); the same command goes on", NOT_WRITTEN)
         if Checks.sweep is None:
             raise

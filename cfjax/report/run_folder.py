@@ -72,7 +72,8 @@ def refuse_finished(folder: Path) -> None:
 def require_room(folder: Path) -> None:
     """Raises NotWritten where the disk has no room for a run in the folder, which need not be there yet."""
     there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.is_dir())
-    if (free := shutil.disk_usage(there).free) < LEAST_ROOM:
+    total, _, free = shutil.disk_usage(there)
+    if free < LEAST_ROOM and total:  # without a size it is none that counts its room
         raise NotWritten(f"{folder}: expected at least {LEAST_ROOM / 1e6:.0f} MB free, got {free / 1e6:.2g} MB")
 
 

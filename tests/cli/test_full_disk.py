@@ -33,7 +33,7 @@ def test_a_full_disk_is_seen_before_anything_is_done(
     arguments: tuple[str, ...],
 ) -> None:
     monkeypatch.setattr(cfjax.synthesis, "search", never)
-    monkeypatch.setattr(shutil, "disk_usage", lambda place: Usage(0, 0, 120_000 if place == tmp_path else 10**9))
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: Usage(200_000, 0, 120_000 if place == tmp_path else 10**9))
     assert train(*arguments) == 3
     key = arguments[-1].partition("=")[0]
     assert capfd.readouterr().err == f"error: {key}: a/b: expected at least 20 MB free, got 0.12 MB\n"
@@ -128,3 +128,10 @@ def test_a_cache_that_cannot_be_written_is_not_used(tmp_path: Path, monkeypatch:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "new"))
     cfjax.train.prepare_environment()
     assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(tmp_path / "new" / "cfjax" / "jax")
+
+
+def test_a_folder_of_hydras_that_cannot_be_made(
+    train: Callable[..., int], quick: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("hydra.run.dir=here", "hydra.output_subdir=/dev/null/x") == 2
+    assert capfd.readouterr().err == "error: /dev/null/x: cannot be written (Not a directory)\n"

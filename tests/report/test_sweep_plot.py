@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from cfjax.report.rounded import rounded_down
+from cfjax.report.rounded import margin_text
 from cfjax.report.sweep_plot import _is_grid, _map, save_sweep_picture
 from cfjax.report.table import SWEPT
 
@@ -39,7 +39,7 @@ def test_two_keys_of_numbers_span_a_map_for_each_method() -> None:
     for axes in panels:
         told = {(round(text.get_position()[0]), round(text.get_position()[1])): text.get_text() for text in axes.texts}
         assert told[0, 2] == "none"  # the lowest speed, the narrowest shell
-        assert told[2, 0] == rounded_down(1.23456 * 10 * 0.7, 3)
+        assert told[2, 0] == margin_text(1.23456 * 10 * 0.7)
         assert len(told) == 9
         assert [tick.get_text() for tick in axes.get_xticklabels()] == ["0.5", "1", "10"]
 
