@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import Any
 
 
 @contextmanager
@@ -23,7 +23,7 @@ def lasting_streams() -> Iterator[None]:
 class _Lasting:
     """A stream that becomes deaf at its first error; everything else is the stream's own."""
 
-    def __init__(self, stream: TextIO, name: str) -> None:
+    def __init__(self, stream: Any, name: str) -> None:
         self._stream, self._name = stream, name
 
     def __getattr__(self, name: str) -> Any:

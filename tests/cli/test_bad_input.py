@@ -149,7 +149,7 @@ CASES = [
     (["+path=circle", "logger=paper"], "logger: expected one of none, wandb, got paper"),
     (["+path=circle", "wandb.mode=on"], "wandb.mode: expected one of offline, online, disabled, got on"),
     (["+path=circle", "--method", "tt"], "expected key=value or a flag of --help, got --method"),
-    (["+path=circle", "hydra.run.dir=/dev/null/run"], "hydra.run.dir: cannot make /dev/null/run (Not a directory)"),
+    (["+path=circle", "hydra.run.dir=/dev/null/run"], "hydra.run.dir: cannot write to /dev/null/run (Not a d"),
     (["-m", "+path=circle", "path.speed=1,fast"], "path.speed: expected a number, got fast"),
     (["-m", "+path=circle,nope"], f"path: expected one of {NAMES}, got nope"),
 ]
