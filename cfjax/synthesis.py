@@ -29,6 +29,7 @@ from cfjax.verdict import Verdict
 
 
 MOST_FUNNELS = 1  # of a path that gets funnels of its own unless told otherwise: chains of several go by tubes
+MOST_TRIED = 8  # of a path that no tube holds: more of them are learned only where that is what the user wants
 GOOD_SHARE = 0.97  # certified over falsified margin: what a proof aims at, by shorter stretches where need be
 CURVED_SHARE = 0.95  # where segments vary: the last percents would cost many stretches
 ENOUGH_SHARE = 0.94  # a proof that falls further behind is worth another round of learning
@@ -74,8 +75,19 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     else:
         result = _by_tubes(problem, options, progress)
         if result.verdict is not Verdict.CERTIFIED:
-            result = _by_segments(problem, options, progress)
+            result = _instead(result, problem, options, progress)
     return result.replace(seconds={**result.seconds, "total": time.perf_counter() - started})
+
+
+def _instead(failed: Result, problem: Problem, options: Options, progress: Progress) -> Result:
+    """Funnels of the path's own segments, where they are few; else what is known, and how to have them."""
+    count = len(problem.path.distinct)
+    if count <= MOST_TRIED:
+        return _by_segments(problem, options, progress)
+    return failed.replace(
+        message=f"{failed.message}; certificate=segment would learn and prove a funnel for each of the path's {count} "
+        f"segments, a larger path.segment_length or smaller bounds (path.speed, path.acceleration) may hold in one tube"
+    )
 
 
 def _is_short(path: Path) -> bool:
@@ -105,7 +117,9 @@ def _by_segments(problem: Problem, options: Options, progress: Progress) -> Resu
 
 def _by_tubes(problem: Problem, options: Options, progress: Progress) -> Result:
     """Tubes that came with the package where they do it, else one that is learned for the path's bounds."""
+    progress("tubes", 0, 1)
     found = hold_by_library(problem) if _fits_tubes(options) else None
+    progress("tubes", 1, 1)
     if found is not None:
         return found.replace(seconds={"learn": 0.0, "certify": 0.0})
 
@@ -303,6 +317,7 @@ class _Search:
             share = GOOD_SHARE if all(segment.is_steady for segment in distinct) else CURVED_SHARE
             wanted = self.options.objective.margin
             target = share * learned.margin if wanted is None else min(wanted, learned.margin)
+            self.progress("certify", 0, 1)
             found = certify(
                 self.problem,
                 learned.funnels,

@@ -46,17 +46,24 @@ class Checks(Callback):
     sweep: ClassVar[Path | None] = None
     identity: ClassVar[dict[str, object]] = {}
     held: ClassVar[ExitStack] = ExitStack()  # the lock of the sweep's folder
+    question: "ClassVar[tuple[Config, Problem, Options] | None]" = None  # of a single run: built once
 
     def on_run_start(self, config: "DictConfig", **_: Any) -> None:
         from cfjax.errors import InputError
+        from cfjax.report.progress import progress_on, staged
         from cfjax.report.run_folder import refuse_finished
 
         Checks.composed = True
         folder = Path(config.hydra.run.dir)
-        try:
-            _question(config, Path(config.hydra.runtime.cwd))
+
+        def prepare() -> None:
+            Checks.question = _question(config, Path(config.hydra.runtime.cwd))
             refuse_finished(folder)
             folder.mkdir(parents=True, exist_ok=True)
+
+        try:
+            with progress_on() as progress:
+                staged(progress, "path", prepare)()
         except InputError as error:
             raise Refusal(str(error)) from error
         except OSError as error:
@@ -138,7 +145,7 @@ def _main() -> int:
         except InputError as error:  # kept from Hydra, which would add lines of its own
             refusals.append(error)
 
-    Checks.composed, Checks.sweep = False, None
+    Checks.composed, Checks.sweep, Checks.question = False, None, None
     try:
         job()
     except Refusal as error:
@@ -181,7 +188,7 @@ def run_job(node: "DictConfig") -> "Result | None":
     folder = Path(context.runtime.output_dir)
     group = folder.parent.name  # where a sweep is logged
     try:
-        question = _question(node, Path(context.runtime.cwd))
+        question, Checks.question = Checks.question or _question(node, Path(context.runtime.cwd)), None
         given = context.overrides.task if context.mode == RunMode.MULTIRUN else sys.argv[1:]
         command = shlex.join([*COMMAND, *given])
         if context.mode != RunMode.MULTIRUN:
@@ -222,10 +229,11 @@ def run(
     `command` made the run, and is kept with it. `group` gathers the jobs of a sweep where they are logged, unless
     wandb.group says another one.
     """
+    from cfjax.check import check_file
     from cfjax.conf import waypoint_file, yaml_of
     from cfjax.report.page import save_page
     from cfjax.report.plot import save_picture
-    from cfjax.report.progress import progress_on
+    from cfjax.report.progress import progress_on, staged
     from cfjax.report.run_folder import refuse_finished, write_run
     from cfjax.report.tracking import track
     from cfjax.synthesis import drive, harden, search
@@ -240,11 +248,12 @@ def run(
             result,
             folder,
             yaml_of(config),
-            save_picture,
+            staged(progress, "plot", save_picture),
+            check=staged(progress, "check", check_file),
             harden=lambda proven: harden(proven, options, progress),
             drive=lambda proven: drive(proven, options, progress),
             points=points,
-            page=save_page,
+            page=staged(progress, "report", save_page),
         )
     if config.logger == "wandb":
         track(result, config, folder, group)
