@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cfjax.certificate import certify, robustness_of, statement_of
+from cfjax.certificate import certify, require_posable, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
 from cfjax.check.tube import has_tube_structure, require_tube_structure
@@ -110,7 +110,8 @@ def _fits_tubes(options: Options) -> bool:
 
 def _by_segments(problem: Problem, options: Options, progress: Progress) -> Result:
     """Funnels made for the path's own segments; or the one of a tube."""
-    statement_of(problem)  # what no proof answers is not learned first
+    statement = statement_of(problem)  # what no proof answers is not learned first
+    require_posable(problem, statement, template_named(options.template), options.beta_lower, options.beta_inner)
     loop = _Search(problem, options, progress)
     return loop.run().replace(seconds=loop.seconds)
 
@@ -196,6 +197,7 @@ class _Search:
         self.seconds = {"learn": 0.0, "certify": 0.0}
         self.history: list[dict[str, float]] = []
         self.search: dict[str, Any] = {}
+        self.is_final = False  # the last certification ended for a reason that is no matter of the funnel
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
@@ -231,6 +233,8 @@ class _Search:
                     "counterexamples": len(aim.suspects),
                 }
             )
+            if self.is_final:
+                break
             if certified >= (ENOUGH_SHARE * falsified if wanted is None else wanted) and certified:
                 break
             if certified < LEAST_GAIN * before:  # as long as nothing is proven, every round is worth its time
@@ -327,6 +331,7 @@ class _Search:
                 solver=self.options.solver,
             )
         self.search["solver"] = ", ".join(found.solvers) or self.options.solver
+        self.is_final = found.final
         results, suspects, places = [], list(found.suspects), []
         with self.timed("learn"):
             for kind, funnel in enumerate(found.funnels):
