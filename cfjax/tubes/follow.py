@@ -150,8 +150,8 @@ def follow(
     if not offered and tubes is None:
         reason = why_none(proven_tubes(), vehicle or KinematicBicycle())
         raise InputError(
-            f"{reason}; cfjax.synthesize(cfjax.Problem(path, vehicle=vehicle)) learns and proves what holds this one, as "
-            "the command cfjax.train does"
+            f"{reason}; cfjax.synthesize(cfjax.Problem(path, vehicle=vehicle)) learns and proves what holds this one, "
+            "as the command cfjax.train does"
         )
     chosen = tuple(tube for tube in offered if pinned in (None, tube.name))
     if not chosen:

@@ -50,7 +50,7 @@ def _similar(tube: CertifiedTube, own: Mapping[str, fmpq]) -> CertifiedTube:
 
 
 def why_none(tubes: Sequence[CertifiedTube], vehicle: Vehicle) -> str:
-    """The limit for which none of the tubes is one for the vehicle (`for_vehicle`): what is expected, and what it has."""
+    """The limit for which no tube is one for the vehicle (`for_vehicle`): what is expected, and what it has."""
     own, kinds = parameters_of(vehicle), sorted({tube.vehicle for tube in tubes})
     known = KNOWN_VEHICLES.get(vehicle.name)
     if vehicle.name not in kinds or known is None:
@@ -58,10 +58,8 @@ def why_none(tubes: Sequence[CertifiedTube], vehicle: Vehicle) -> str:
     needed = []  # each time the limits that are too small, by parameter, and what they would have to be
     for proven in (version.parameters for tube in tubes for version in (tube, _similar(tube, own))):
         reach = known.reach(own, proven)
-        short = {
-            label: proven[label] / reach[name] for name, label in known.limits.items() if reach[name] < proven[label]
-        }
-        needed.append({label: own[label] * factor for label, factor in short.items()})
+        factors = {label: proven[label] / reach[name] for name, label in known.limits.items()}
+        needed.append({label: own[label] * factor for label, factor in factors.items() if factor > 1})
     least = min(needed, key=lambda limits: max(value / own[label] for label, value in limits.items()))
     rest = ", ".join(f"{label} {about(value)}" for label, value in own.items() if label not in least)
     expected = " and ".join(
