@@ -12,7 +12,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.errors import InputError
-from cfjax.problem.deviation import ReferencePoint, affine_deviation, deviation_rate, feedforward
+from cfjax.problem.deviation import (
+    FEW,
+    ReferencePoint,
+    affine_deviation,
+    deviation_rate,
+    feedforward,
+    in_batches,
+)
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances
 from cfjax.problem.path import Path, Segment
 from cfjax.problem.sets import Box, Ellipsoid, ball
@@ -23,8 +30,6 @@ from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Veh
 POSES = 401  # per segment, at which the reference's distance from obstacles is looked at
 FOLLOWS = 1e-9  # relative: inputs that leave less than this of the reference's rate hold the vehicle on it
 PLACES = 201  # per segment, at which what the reference needs is looked at
-BATCH = 1024  # references that one compiled program looks at, whatever the path's length
-FEW = 8  # references that are looked at one by one: nothing is compiled for them
 
 
 class Method(enum.Enum):
@@ -282,15 +287,10 @@ class Problem:
 def _held(vehicle: Vehicle, points: Float[np.ndarray, "n 4"]) -> tuple[np.ndarray, ...]:
     """Of many references: inputs (n, m) that hold the vehicle on each, the largest rate that they leave (n,), the
     largest without them (n,), and the reference's twist (n, 3)."""
-    found = []
-    for begin in range(0, len(points), BATCH):
-        own = points[begin : begin + BATCH]
-        padded = np.concatenate([own, np.repeat(own[-1:], BATCH - len(own), axis=0)])
-        found.append([np.asarray(each)[: len(own)] for each in _held_batch(vehicle, padded)])
-    return tuple(np.concatenate(each) for each in zip(*found, strict=True))
+    return tuple(in_batches(partial(_held_batch, vehicle), points))
 
 
-@partial(jax.jit, static_argnames="vehicle")
+@partial(jax.jit, static_argnums=0)
 def _held_batch(vehicle: Vehicle, points: Float[Array, "n 4"]) -> tuple[Array, ...]:
     def one(row: Float[Array, " 4"]) -> tuple[Array, ...]:
         point = ReferencePoint(*row)

@@ -20,7 +20,8 @@ from cfjax.problem import (
     slalom,
     straight,
 )
-from cfjax.problem.problem import BATCH, PLACES
+from cfjax.problem.deviation import BATCH
+from cfjax.problem.problem import PLACES
 
 
 S = Box((1.0, 1.0, 1.0, 3.0))
