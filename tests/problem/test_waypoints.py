@@ -370,4 +370,3 @@ def test_a_long_path_of_a_large_car_has_no_more_segments_than_a_certificate_hold
     path = waypoints(file, vehicle=KinematicBicycle(2.7, 0.5463))
     assert len(path.segments) <= 256
     assert sum(len(segment.turn_rate.coefficients) for segment in path.curve) <= 4096
-    assert len(waypoints(file, vehicle=KinematicBicycle(2.7, 0.5463), segment_length=50.0).segments) > 400
