@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cfjax.certificate import certify, robustness_of, statement_of
+from cfjax.certificate import certify, require_posable, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
 from cfjax.check.tube import has_tube_structure, require_tube_structure
@@ -29,6 +29,7 @@ from cfjax.verdict import Verdict
 
 
 MOST_FUNNELS = 1  # of a path that gets funnels of its own unless told otherwise: chains of several go by tubes
+MOST_TRIED = 8  # of a path that no tube holds: more of them are learned only where that is what the user wants
 GOOD_SHARE = 0.97  # certified over falsified margin: what a proof aims at, by shorter stretches where need be
 CURVED_SHARE = 0.95  # where segments vary: the last percents would cost many stretches
 ENOUGH_SHARE = 0.94  # a proof that falls further behind is worth another round of learning
@@ -74,8 +75,19 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     else:
         result = _by_tubes(problem, options, clock)
         if result.verdict is not Verdict.CERTIFIED:
-            result = _by_segments(problem, options, clock)
+            result = _instead(result, problem, options, clock)
     return result.replace(seconds={**clock.seconds, "total": time.perf_counter() - started})
+
+
+def _instead(failed: Result, problem: Problem, options: Options, clock: Clock) -> Result:
+    """Funnels of the path's own segments, where they are few; else what is known, and how to have them."""
+    count = len(problem.path.distinct)
+    if count <= MOST_TRIED:
+        return _by_segments(problem, options, clock)
+    return failed.replace(
+        message=f"{failed.message}; certificate=segment would learn and prove a funnel for each of the path's {count} "
+        f"segments, a larger path.segment_length or smaller bounds (path.speed, path.acceleration) may hold in one tube"
+    )
 
 
 def _is_short(path: Path) -> bool:
@@ -98,7 +110,8 @@ def _fits_tubes(options: Options) -> bool:
 
 def _by_segments(problem: Problem, options: Options, clock: Clock) -> Result:
     """Funnels made for the path's own segments; or the one of a tube."""
-    statement_of(problem)  # what no proof answers is not learned first
+    statement = statement_of(problem)  # what no proof answers is not learned first
+    require_posable(problem, statement, template_named(options.template), options.beta_lower, options.beta_inner)
     return _Search(problem, options, clock).run()
 
 
@@ -172,6 +185,7 @@ class _Search:
         self.template = template_named(options.template)
         self.history: list[dict[str, float]] = []
         self.search: dict[str, Any] = {}
+        self.is_final = False  # the last certification ended for a reason that is no matter of the funnel
 
     def run(self) -> Result:
         """Rounds of learning and proving; a round that fails does not lose what an earlier one has proven."""
@@ -199,6 +213,8 @@ class _Search:
                     "counterexamples": len(aim.suspects),
                 }
             )
+            if self.is_final:
+                break
             if certified >= (ENOUGH_SHARE * falsified if wanted is None else wanted) and certified:
                 break
             if certified < LEAST_GAIN * before:  # as long as nothing is proven, every round is worth its time
@@ -294,6 +310,7 @@ class _Search:
                 solver=self.options.solver,
             )
         self.search["solver"] = ", ".join(found.solvers) or self.options.solver
+        self.is_final = found.final
         results, suspects, places = [], list(found.suspects), []
         with self.clock.stage("falsify"):
             for kind, funnel in enumerate(found.funnels):

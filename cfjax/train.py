@@ -58,12 +58,14 @@ class Checks(Callback):
     sweep: ClassVar[Path | None] = None
     identity: ClassVar[dict[str, object]] = {}
     held: ClassVar[ExitStack] = ExitStack()  # the folder's lock
+    question: "ClassVar[tuple[Config, Problem, Options] | None]" = None  # of a single run: built once
 
     def on_run_start(self, config: "DictConfig", **_: Any) -> None:
         from omegaconf.errors import OmegaConfBaseException
 
         from cfjax.conf import one_line
         from cfjax.errors import InputError
+        from cfjax.report.progress import progress_on
         from cfjax.report.resume import locked
         from cfjax.report.run_folder import refuse_finished, require_room
 
@@ -71,7 +73,8 @@ class Checks(Callback):
         with _refusals("hydra.run.dir"):
             try:
                 folder = Path(config.hydra.run.dir)
-                _question(config, Path(config.hydra.runtime.cwd))
+                with progress_on() as clock, clock.stage("path"):
+                    Checks.question = _question(config, Path(config.hydra.runtime.cwd))
             except OmegaConfBaseException as error:
                 raise InputError(one_line(error)) from error
             refuse_finished(folder)
@@ -190,7 +193,7 @@ def _main() -> int:
         except (InputError, NotWritten) as error:  # kept from Hydra, which would add lines of its own
             refusals.append(error)
 
-    Checks.composed, Checks.run, Checks.sweep = False, None, None
+    Checks.composed, Checks.run, Checks.sweep, Checks.question = False, None, None, None
     try:
         job()
     except Refusal as error:
@@ -238,7 +241,7 @@ def run_job(node: "DictConfig") -> "Result | None":
     folder = Path(context.runtime.output_dir)
     group = folder.parent.name  # where a sweep is logged
     try:
-        question = _question(node, Path(context.runtime.cwd))
+        question, Checks.question = Checks.question or _question(node, Path(context.runtime.cwd)), None
         given = context.overrides.task if context.mode == RunMode.MULTIRUN else sys.argv[1:]
         command = shlex.join([*COMMAND, *given])
         if context.mode != RunMode.MULTIRUN:

@@ -1,6 +1,7 @@
 """How learning and proving grow with a path's length: a table and a picture, no test.
 
     .venv/bin/python scripts/benchmark_paths.py [--segments 1 2 4 8 16] [--picture FILE]
+    .venv/bin/python scripts/benchmark_paths.py --laps 2 7 24
 
 A chain of 2 m segments, each with a bend of its own (curvature up to 0.8 1/m in turns to the left and to the right, no
 two alike), so that nothing is proven once for several of them; path following at 1 m/s from a ball of 0.3 to a ball of
@@ -10,6 +11,7 @@ two alike), so that nothing is proven once for several of them; path following a
 import argparse
 import os
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -21,9 +23,12 @@ from rich.table import Table
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 from cfjax import Options, Problem, Result, ball
+from cfjax.problem import KinematicBicycle, Pose, Profile, Segment, waypoints
 from cfjax.problem import Path as Course
-from cfjax.problem import Pose, Profile, Segment
-from cfjax.synthesis import search
+from cfjax.report.page import save_page
+from cfjax.report.plot import save_picture
+from cfjax.report.run_folder import write_run
+from cfjax.synthesis import drive, search
 
 
 LENGTH, SPEED = 2.0, 1.0  # m of a segment, m/s
@@ -48,11 +53,58 @@ def run(path: Course, way: str) -> tuple[Result, float]:
     return result, time.perf_counter() - begin
 
 
+def lap(length: float, seed: int = 0) -> np.ndarray:
+    """Points (n, 2) of a closed track, m: a circle with waves in its radius, the longer the shorter they are."""
+    rng, phi = np.random.default_rng(seed), np.linspace(0.0, 2 * np.pi, 200_000)
+    wave = np.arange(2, max(4, int(length / 500)))
+    size = rng.uniform(0.3, 1.0, len(wave)) / np.sqrt(len(wave)) * np.minimum(0.15, 0.0025 * length / wave**2)
+    phase = rng.uniform(0.0, 2 * np.pi, len(wave))
+
+    def place(angle: np.ndarray) -> np.ndarray:
+        return (1 + np.cos(np.outer(angle, wave) + phase) @ size) * np.exp(1j * angle)
+
+    around = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(place(phi))))])
+    count = round(length / 5)
+    found = length / around[-1] * place(np.interp(np.arange(count) / count * around[-1], around, phi))
+    return np.round(np.stack([found.real, found.imag], axis=1), 3)
+
+
+def laps(kilometres: list[float]) -> None:
+    """Processor time of each stage, and of a kilometre."""
+    vehicle = KinematicBicycle(wheelbase=2.7, max_tan_steering=0.5463)
+    options = Options(cars=50, robustness=False)
+    table = Table("km", "segments", "pieces", "verdict", "path", "problem", "search", "cars", "folder", "all", "a km")
+    for length in kilometres:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "lap.csv"
+            np.savetxt(file, lap(1000 * length), delimiter=",", header="x,y", fmt="%.3f")
+            times = [time.process_time()]
+            path = waypoints(file, closed=True, speed=20.0, vehicle=vehicle)
+            times.append(time.process_time())
+            problem = Problem(path, vehicle=vehicle)
+            times.append(time.process_time())
+            result = search(problem, options)
+            times.append(time.process_time())
+            result = drive(result, options)
+            times.append(time.process_time())
+            write_run(result, Path(folder) / "run", "", save_picture, page=save_page)
+            times.append(time.process_time())
+        pieces = sum(len(segment.turn_rate.coefficients) for segment in path.curve)
+        spent = [*np.diff(times), times[-1] - times[0], (times[-1] - times[0]) / length]
+        row = (f"{length:g}", str(len(path.curve)), str(pieces), result.verdict.value)
+        table.add_row(*row, *(f"{seconds:.1f} s" for seconds in spent))
+    Console(width=120).print(table)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--segments", type=int, nargs="+", default=[1, 2, 4, 8, 16])
     parser.add_argument("--picture", type=Path)
+    parser.add_argument("--laps", type=float, nargs="+")
     arguments = parser.parse_args()
+    if arguments.laps:
+        laps(arguments.laps)
+        return 0
     run(chain(1, True), "segment")  # compiles, and loads what is loaded once
     console = Console(width=100)
     table = Table("segments", "way", "verdict", "margin", "stretches", "learn", "certify", "total", box=None)

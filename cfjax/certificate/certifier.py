@@ -66,6 +66,7 @@ class Certification:
     suspects: tuple[Suspect, ...] = ()  # deviations that limit the proof, by the duals: for a learner
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place ended it
     solvers: tuple[str, ...] = ()  # whose hints the proof was made from
+    final: bool = False  # what ended it would end the certification of any other funnel too
 
 
 class Statement(NamedTuple):
@@ -143,6 +144,7 @@ def certify(
             seconds=clock,
             suspects=failure.suspects,
             failed_at=failure.place,
+            final=failure.final,
         )
     started = time.perf_counter()
     margins = [min(proof.margin for proof in proofs) for proofs in found]
@@ -173,6 +175,7 @@ def certify(
         seconds=clock,
         suspects=tuple(point for proof in every for point in proof.suspects),
         solvers=tuple(sorted({name for proof in every for name in proof.solvers})),
+        final=not proven,  # every cell was proven: it is the document that is none
     )
 
 

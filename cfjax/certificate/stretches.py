@@ -23,7 +23,7 @@ from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_funnel, write_stretch
 from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
 from cfjax.check.document import CellKey
-from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.enclosure import Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.piece import Piece, between
 from cfjax.check.program import Matrix
@@ -79,7 +79,10 @@ def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
 
 
 class NotProven(Exception):
-    """Ends a certification with a verdict; where, if in one place: θ from and to (s), along the whole path."""
+    """Ends a certification with a verdict; where, if in one place: θ from and to (s), along the whole path.
+
+    It is `final` where the reason is no matter of this funnel: another one would meet it too.
+    """
 
     def __init__(
         self,
@@ -87,8 +90,10 @@ class NotProven(Exception):
         message: str,
         suspects: Sequence[Suspect] = (),
         place: tuple[float, float] | None = None,
+        final: bool = False,
     ) -> None:
         super().__init__(message)
+        self.final = final
         self.verdict = verdict
         self.suspects = tuple(suspects)
         self.place = place
@@ -237,6 +242,12 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
     return (order, *(max(least, (2 * order - degree) // 2) for degree in slopes), order - 1, order - 1)
 
 
+def entries_of(questions: Sequence[SteadyDecrease]) -> int:
+    """Entries of the Gram matrices that a stretch takes in a certificate."""
+    cells = sum(1 for question in questions for _ in question.cells())
+    return cells * sum(len(z) * (len(z) + 1) // 2 for z in questions[0].bases)
+
+
 class _TooLittle(Exception):
     """A cell of a stretch that may be cut proves less than the target."""
 
@@ -308,8 +319,7 @@ class Prover:
 
     def _count(self, questions: Sequence[SteadyDecrease]) -> None:
         """How much of the file a stretch takes."""
-        cells = sum(1 for question in questions for _ in question.cells())
-        self.entries = max(self.entries, cells * sum(len(z) * (len(z) + 1) // 2 for z in questions[0].bases))
+        self.entries = max(self.entries, entries_of(questions))
 
     @contextlib.contextmanager
     def _at(self, begin: fmpq, end: fmpq) -> Iterator[None]:
@@ -441,7 +451,9 @@ def _key(index: int, cell: Cell) -> CellKey:
 
 def _not_possible(error: ValueError, place: str) -> Exception:
     """A claim about the vehicle that is not true is no matter of this funnel: it goes on as it is."""
-    return error if isinstance(error, Broken) else NotProven(Verdict.INCONCLUSIVE, f"not proven: {place}{error}")
+    if isinstance(error, Broken):
+        return error
+    return NotProven(Verdict.INCONCLUSIVE, f"not proven: {place}{error}", final=isinstance(error, TooLarge))
 
 
 def _rounded_down(value: fmpq) -> fmpq:

@@ -5,6 +5,7 @@ anything stated is true is not decided here (`cfjax.check.replay`).
 """
 
 import hashlib
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ MOST_EXTREMES = 16  # references of a stretch: ends of curvature and its rate, s
 MOST_CELLS = 32 * MOST_EXTREMES  # of a stretch: two pieces, sixteen patterns of the signs of four inputs
 MOST_STRETCHES = 64  # of one funnel's proof
 MOST_GRAM_ENTRIES = 1_500_000  # of the whole file; a circle's takes about 20 000
-MOST_PIECES = 1000  # of a path
+MOST_PIECES = 4096  # of a path: a lap of a race track for a car of full size
 MOST_OBSTACLES, MOST_CORNERS, MOST_DISCS, MOST_HALF_PLANES = 64, 32, 8, 200
 LONGEST = 600  # bits of a path's coefficient; exact sums along a path take some hundred
 MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
@@ -335,7 +336,8 @@ def _path(item: Item) -> tuple[str, Course | TubeClaim]:
         closed.refuse("true or false")
     reference = read_reference(start, pieces)
     count = reference.pieces[-1].segment + 1
-    segments = tuple(SegmentClaim(tuple(p for p in reference.pieces if p.segment == k)) for k in range(count))
+    own = (tuple(group) for _, group in itertools.groupby(reference.pieces, lambda piece: piece.segment))
+    segments = tuple(map(SegmentClaim, own))
     order = tuple(kind.integer(0, count - 1) for kind in kinds.items(count, count))
     first: list[SegmentClaim] = []
     for kind, segment in zip(order, segments, strict=True):

@@ -34,6 +34,10 @@ NO_REMAINDER: Remainder = (fmpq(0), fmpq(0), fmpq(0))
 TOO_LARGE = "a polynomial of the proof grows beyond what the checker takes"
 
 
+class TooLarge(ValueError):
+    """A proof that is larger than the checker takes, whatever its numbers are."""
+
+
 @dataclass(frozen=True)
 class UnaryEnclosure:
     """|f(t) − Σ coefficients_k t^k| ≤ bound for lower ≤ t ≤ upper, f one of `UNARY_FUNCTIONS`.
@@ -121,7 +125,7 @@ class Budget:
         """Raises ValueError when the budget is spent."""
         self.left -= effort
         if self.left < 0:
-            raise ValueError("the proof asks for more arithmetic than the checker takes")
+            raise TooLarge("the proof asks for more arithmetic than the checker takes")
 
 
 @dataclass(frozen=True)
@@ -148,18 +152,18 @@ class Domain:
             return self.ring.constant(0)
         length = self._length(first) + self._length(second)
         if first.total_degree() + second.total_degree() > LARGEST_DEGREE or length > LONGEST_COEFFICIENT:
-            raise ValueError(TOO_LARGE)
+            raise TooLarge(TOO_LARGE)
         self.budget.spend(len(first) * len(second) * (1 + length // 512))
         result = first * second
         if len(result) > MOST_TERMS:
-            raise ValueError(TOO_LARGE)
+            raise TooLarge(TOO_LARGE)
         return result
 
     def sum(self, first: fmpq_mpoly, second: fmpq_mpoly) -> fmpq_mpoly:
         """first + second, paid for likewise."""
         length = self._length(first) + self._length(second)  # of coefficients without a common denominator
         if len(first) + len(second) > MOST_TERMS or length > LONGEST_COEFFICIENT:
-            raise ValueError(TOO_LARGE)
+            raise TooLarge(TOO_LARGE)
         self.budget.spend((len(first) + len(second)) * (1 + length // 512))
         return first + second
 
@@ -213,7 +217,7 @@ class Domain:
 def _short_remainder(value: fmpq) -> fmpq:
     """Rounded up to arb's precision, or remainders would grow longer with every operation."""
     if value > LARGEST_REMAINDER:
-        raise ValueError(TOO_LARGE)
+        raise TooLarge(TOO_LARGE)
     return upper_bound(arb(max(value, SMALLEST_REMAINDER))) if value else value
 
 

@@ -30,7 +30,6 @@ from cfjax.problem import (
     tube,
     waypoints,
 )
-from cfjax.problem.waypoints import SEGMENT_LENGTH
 
 
 INTERVAL = "a number or an interval [lower, upper]"
@@ -141,7 +140,7 @@ class WaypointsConfig(PathConfig):
     lateral_acceleration: float = 4.0  # m/s²
     acceleration: float | None = 1.0  # m/s²; null: what thrust allows
     reserve: float = 0.2  # part of steering and of thrust
-    segment_length: float = SEGMENT_LENGTH  # m
+    segment_length: float | None = None  # m; null: by the wheelbase, 10 m for a car of 0.34 m
     smoothing: float = 0.0  # m
 
     def build(self, vehicle: Vehicle) -> Path:

@@ -194,7 +194,7 @@ def _stations(
         places = np.array([[0.0, duration]])
         return places, np.array([segment.references()], float), np.array([segment.nominal()], float)
     places = np.repeat(np.linspace(0.0, duration, PLACES)[:, None], 2, axis=1)
-    points = np.array([segment.point(theta) for theta in places[:, 0]], float)
+    points = np.array(segment.points(places[:, 0]), float)
     return places, points[:, None, None, :], points[:, None, :]
 
 

@@ -79,6 +79,7 @@ def learn(
     report = progress or (lambda done, of: None)
     tracking = tracking and problem.method is Method.PF
     passes = ROUNDS * (2 if tracking else 1)
+    report(0, passes)
     if tracking:
         tracked = learn(
             replace(problem, method=Method.TT),

@@ -98,7 +98,7 @@ def dynamics(
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n m"]]:
     """Drift and input columns of the deviations x at θ, on the path's first segment."""
     segment = problem.path.curve[0]
-    points = np.array([segment.point(float(place)) for place in theta], float).reshape(-1, 4)
+    points = np.array(segment.points(theta), float).reshape(-1, 4)
     blocks = max(1, -(-len(x) // BLOCK))
     where = np.minimum(np.arange(blocks * BLOCK), max(len(x) - 1, 0))
     parts = [

@@ -5,7 +5,7 @@ stands here; no other place writes the dynamics, the path or the sets a second t
 """
 
 from cfjax.problem.curves import ellipse, figure_eight, obstacle_path, oval, slalom
-from cfjax.problem.deviation import affine_deviation, deviation_rate, feedforward, to_deviation, to_state
+from cfjax.problem.deviation import affine_along, affine_deviation, deviation_rate, feedforward, to_deviation, to_state
 from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, disc_centres, distances
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
@@ -35,6 +35,7 @@ __all__ = [
     "Tube",
     "Twist",
     "Vehicle",
+    "affine_along",
     "affine_deviation",
     "ball",
     "circle",

@@ -120,14 +120,13 @@ class _Pieces(NamedTuple):
 
 
 @np.errstate(over="ignore", divide="ignore", invalid="ignore")  # what is not finite keeps no tolerance
-def path_along(
-    name: str, curve: Curve, speed: float | PPoly, *, segments: int = 1, tolerance: float = TOLERANCE
-) -> Path:
+def path_along(name: str, curve: Curve, speed: float | PPoly, *, segments: int = 1, scale: float = 1.0) -> Path:
     """The path along a curve, in segments of equal arc length.
 
     `speed` in m/s is a number, or piecewise polynomial in arc length (m), continuously differentiable and positive.
-    Each segment ends on the curve to 1e-11 m and rad; in between the integrated position is within `tolerance` (m) of
-    the curve's at the same arc length. ω_r is continuous, v_r continuously differentiable, both at most cubic.
+    Each segment ends on the curve to 1e-11 m and rad; in between the integrated position is within 1e-4 m of the
+    curve's at the same arc length, for a car of a model's size: `scale` is by how much what drives is larger. ω_r is
+    continuous, v_r continuously differentiable, both at most cubic.
 
     Raises:
         InputError: for a speed that is not positive, or a curve that cannot be followed so closely.
@@ -139,7 +138,7 @@ def path_along(
     built = []
     for begin, end in itertools.pairwise(cuts):
         place = curve.position(curve.at(np.array([begin])))[0]
-        segment, turn = _segment(name, curve, speed, (float(begin), float(end)), tolerance, heading, place)
+        segment, turn = _segment(name, curve, speed, (float(begin), float(end)), scale, heading, place)
         built.append(segment)
         heading += turn
     return Path(name, tuple(built))
@@ -150,15 +149,16 @@ def _segment(
     curve: Curve,
     speed: float | PPoly,
     span: tuple[float, float],
-    tolerance: float,
+    scale: float,
     heading: float,
     place: complex,
 ) -> tuple[Segment, float]:
     """A segment over a span of arc length, and by how much the curve turns there."""
     start = Pose(heading, float(place.real), float(place.imag))
+    tolerance = scale * TOLERANCE
     target, apart, missed = tolerance / 4, math.inf, math.inf
     for _ in range(6):
-        ends, pieces = _halved(name, curve, speed, span, target)
+        ends, pieces = _halved(name, curve, speed, span, target, CURVATURE_TOLERANCE / scale)
         segment, missed = _aimed(curve, speed, ends, pieces, start)
         apart = _apart(curve, segment, span[0])
         if apart <= tolerance and missed <= max(JOIN, DIGITS * abs(place)):
@@ -171,13 +171,13 @@ def _segment(
 
 
 def _halved(
-    name: str, curve: Curve, speed: float | PPoly, span: tuple[float, float], target: float
+    name: str, curve: Curve, speed: float | PPoly, span: tuple[float, float], target: float, bend: float
 ) -> tuple[np.ndarray, _Pieces]:
     """Pieces of arc length, halved until each keeps the tolerances: their ends (m), and the cubics."""
     ends = np.linspace(*span, 3)  # two at least, to have the freedom to end where the curve ends
     bad = np.zeros(2, bool)
     for _ in range(MOST_HALVINGS):
-        pieces = _fitted(curve, speed, ends)
+        pieces = _fitted(curve, speed, ends, bend)
         bad = ~((pieces.apart <= target) & (pieces.misses <= 1))
         if not bad.any():
             return ends, pieces
@@ -189,7 +189,7 @@ def _halved(
     raise InputError(f"path {name}: the curve or its speed is not smooth enough at {where:.6g} m")
 
 
-def _fitted(curve: Curve, speed: float | PPoly, ends: np.ndarray) -> _Pieces:
+def _fitted(curve: Curve, speed: float | PPoly, ends: np.ndarray, bend: float) -> _Pieces:
     """The cubics between given arc lengths (m)."""
     first, last = ends[:-1], ends[1:]
     duration, moving = _speeds(speed, first, last)
@@ -214,7 +214,7 @@ def _fitted(curve: Curve, speed: float | PPoly, ends: np.ndarray) -> _Pieces:
         [begin, (end - begin) / duration + (even - odd) * duration, 3 * odd - even, -2 * odd / duration], axis=1
     )
     angle_error = _value(_integrals(turning), t) - angle
-    misses = np.abs(_value(turning, t) - omega) / v / CURVATURE_TOLERANCE
+    misses = np.abs(_value(turning, t) - omega) / v / bend
     if isinstance(speed, PPoly):
         wanted = speed(arc)
         largest = np.abs(speed(speed.x, 1) * speed(speed.x)).max()

@@ -15,17 +15,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.problem.vehicle import Scalar, Vehicle
 
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 
 jax.config.update("jax_enable_x64", True)  # the one place: margins are compared to parts in 1e-9
 
+BATCH = 1024  # references that one compiled program looks at, however many there are
+FEW = 8  # references that are looked at one by one: nothing is compiled for them
 DEPENDENT = 1e-12  # relative: a column with less left of its square, beside those before it, is no input of its own
 
 
@@ -117,6 +120,40 @@ def affine_deviation(
     drift = rate(*(0.0,) * count)
     columns = [rate(*(float(i == j) for j in range(count))) - drift for i in range(count)]
     return drift, jnp.stack(columns, axis=-1)
+
+
+def in_batches(
+    program: "Callable[[np.ndarray], Sequence[Array]]", points: Float[np.ndarray, "n 4"]
+) -> list[np.ndarray]:
+    """What a compiled program has for many references, rows of a `ReferencePoint`, whatever their number.
+
+    It gets BATCH of them at a time, so that it is compiled once, and returns arrays of so many rows.
+    """
+    found = []
+    for begin in range(0, len(points), BATCH):
+        own = points[begin : begin + BATCH]
+        padded = np.concatenate([own, np.repeat(own[-1:], BATCH - len(own), axis=0)])
+        found.append([np.asarray(each)[: len(own)] for each in program(padded)])
+    return [np.concatenate(each) for each in zip(*found, strict=True)]
+
+
+def affine_along(
+    vehicle: Vehicle, points: Float[np.ndarray, "k 4"]
+) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n m"]]:
+    """`affine_deviation` without deviation on many references, rows of a `ReferencePoint`."""
+    if len(points) > FEW:
+        drift, columns = in_batches(partial(_affine_batch, vehicle), points)
+        return drift, columns
+    origin = jnp.zeros(len(vehicle.state_names))
+    each = [affine_deviation(vehicle, origin, ReferencePoint(*map(float, row))) for row in points]
+    drift, columns = (np.stack([np.asarray(part) for part in parts]) for parts in zip(*each, strict=True))
+    return drift, columns
+
+
+@partial(jax.jit, static_argnums=0)
+def _affine_batch(vehicle: Vehicle, points: Float[Array, "k 4"]) -> tuple[Array, Array]:
+    origin = jnp.zeros(len(vehicle.state_names))
+    return jax.vmap(lambda row: affine_deviation(vehicle, origin, ReferencePoint(*row)))(points)
 
 
 def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ...]:

@@ -102,8 +102,13 @@ class Segment:
 
     def point(self, theta: float) -> ReferencePoint:
         """Profile at θ (s): turn rate, speed and their slopes."""
+        return self.points(np.array([theta]))[0]
+
+    def points(self, theta: Float[np.ndarray, " n"]) -> list[ReferencePoint]:
+        """`point` at each θ (s)."""
         omega, v = self.turn_rate.polynomial, self.speed.polynomial
-        return ReferencePoint(float(omega(theta)), float(v(theta)), float(omega(theta, 1)), float(v(theta, 1)))
+        columns = (omega(theta), v(theta), omega(theta, 1), v(theta, 1))
+        return [ReferencePoint(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
 
     def poses(self, theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         """Reference poses (α_r in rad, x_r, y_r in m) at increasing θ (s), by Gauss–Legendre quadrature."""
@@ -143,19 +148,14 @@ class Path:
     @cached_property
     def kinds(self) -> tuple[int, ...]:
         """For each segment, which of the `distinct` ones it repeats: in the body frame that is the same problem."""
-        found: list[Segment | Tube] = []
-        kinds = []
-        for segment in self.segments:
-            same = (k for k, other in enumerate(found) if _is_repeated(segment, other))
-            kind = next(same, len(found))
-            found += [segment] if kind == len(found) else []
-            kinds.append(kind)
-        return tuple(kinds)
+        found: dict[object, int] = {}
+        return tuple(found.setdefault(_course(segment), len(found)) for segment in self.segments)
 
-    @property
+    @cached_property
     def distinct(self) -> tuple[Segment | Tube, ...]:
         """The segments that no earlier one equals in turning rate and speed."""
-        return tuple(self.segments[self.kinds.index(kind)] for kind in range(max(self.kinds) + 1))
+        first = dict(zip(reversed(self.kinds), reversed(self.segments), strict=True))
+        return tuple(first[kind] for kind in sorted(first))
 
     @cached_property
     def closed(self) -> bool:
@@ -177,10 +177,9 @@ class Path:
         return first if isinstance(first, Tube) else None
 
 
-def _is_repeated(segment: Segment | Tube, other: Segment | Tube) -> bool:
-    if isinstance(segment, Segment) and isinstance(other, Segment):
-        return segment.turn_rate == other.turn_rate and segment.speed == other.speed
-    return segment == other
+def _course(segment: Segment | Tube) -> object:
+    """What the dynamics see of it, wherever it lies."""
+    return (segment.turn_rate, segment.speed) if isinstance(segment, Segment) else segment
 
 
 def _positive(owner: str, **values: float) -> None:

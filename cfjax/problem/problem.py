@@ -2,23 +2,34 @@
 
 import enum
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from cfjax.errors import InputError
-from cfjax.problem.deviation import ReferencePoint, affine_deviation
+from cfjax.problem.deviation import (
+    FEW,
+    ReferencePoint,
+    affine_deviation,
+    deviation_rate,
+    feedforward,
+    in_batches,
+)
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances
 from cfjax.problem.path import Path, Segment
 from cfjax.problem.sets import Box, Ellipsoid, ball
 from cfjax.problem.tube import Tube
-from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
+from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Vehicle
 
 
 POSES = 401  # per segment, at which the reference's distance from obstacles is looked at
 FOLLOWS = 1e-9  # relative: inputs that leave less than this of the reference's rate hold the vehicle on it
+PLACES = 201  # per segment, at which what the reference needs is looked at
 
 
 class Method(enum.Enum):
@@ -73,7 +84,7 @@ class Problem:
                     )
         if not 0 < self.authority <= 1:
             raise InputError(f"authority: expected a number above 0 and at most 1, got {self.authority}")
-        for index, segment in enumerate(self.path.segments):
+        for segment in self.path.segments:
             if isinstance(segment, Tube):
                 for state, start, end in zip(states, self.inlet.half_axes, self.goal.half_axes, strict=True):
                     if start >= end:
@@ -82,8 +93,7 @@ class Problem:
                             f"and lies in G does not shrink; got {end}"
                         )
                 self._check_tube(segment)
-            else:
-                self._check_reference(index, segment)
+        self._check_references()
         self._check_obstacles()
 
     @property
@@ -105,7 +115,12 @@ class Problem:
     @cached_property
     def _needed(self) -> tuple[tuple[float, float], ...]:
         """The least and the largest of each input that the reference needs by itself, along the path."""
-        needed = np.array([self.feedforward(point) for segment in self.path.distinct for point in _points(segment)])
+        points = [point for segment in self.path.distinct for point in _points(segment)]
+        if len(points) > FEW:
+            inputs, *_ = _held(self.vehicle, np.array(points, float))
+            needed = np.concatenate([np.ones((len(points), 1)), inputs], axis=1)
+        else:
+            needed = np.array([self.feedforward(point) for point in points])
         return tuple(
             (float(low), float(high)) for low, high in zip(needed.min(axis=0), needed.max(axis=0), strict=True)
         )
@@ -169,13 +184,40 @@ class Problem:
                 "a circle"
             )
 
-    def _check_reference(self, index: int, segment: Segment) -> None:
-        for theta in _grid(segment):
-            point = segment.point(theta)
+    def _check_references(self) -> None:
+        """Along all segments: what is not as it has to be is named at the first place where it is not."""
+        places = [
+            (self.path.kinds.index(kind), theta, point)
+            for kind, segment in enumerate(self.path.distinct)
+            if isinstance(segment, Segment)
+            for theta, point in zip(_grid(segment), _points(segment), strict=True)
+        ]
+        for at in self._doubtful([point for *_, point in places]):
+            index, theta, point = places[at]
             self._check_side_slip(f"segment {index} at theta = {theta:.4g} s", point)
             if excess := self._excess(point):
                 turning = f" (radius there: {abs(point.speed / point.turn_rate):.4g} m)" if point.turn_rate else ""
                 raise InputError(f"path: segment {index} at theta = {theta:.4g} s needs {excess}{turning}")
+
+    def _doubtful(self, points: Sequence[ReferencePoint]) -> Sequence[int]:
+        """Those of the references that the vehicle may not follow within its inputs; all of them if they are few."""
+        if len(points) <= FEW:
+            return range(len(points))
+        table = np.array(points, float)
+        inputs, left, size, twist = _held(self.vehicle, table)
+        box = np.array([(limits.lower, limits.upper) for limits in self.vehicle.input_box]).reshape(-1, 2)
+        turning, speed = table[:, 0], table[:, 1]
+        turn, lateral, forward = twist.T
+        apart = np.maximum(np.abs(np.copysign(np.hypot(lateral, forward), speed) - speed), np.abs(turn - turning))
+        way = np.copysign(1.0, speed)
+        slip = np.where(speed != 0, np.abs(np.arctan2(way * lateral, way * forward) - self.side_slip), 0.0)
+        good = (
+            (left <= FOLLOWS * np.maximum(1.0, size))
+            & (apart <= FOLLOWS * np.maximum(1.0, np.maximum(np.abs(speed), np.abs(turning))))
+            & (slip <= FOLLOWS)
+            & ((box[:, 0] <= inputs) & (inputs <= box[:, 1])).all(axis=1)
+        )  # not so where a number is none
+        return np.flatnonzero(~good).tolist()
 
     def _check_tube(self, tube: Tube) -> None:
         """Every path of a tube can be followed if the extreme ones can: feed-forward is monotone in each bound."""
@@ -241,13 +283,41 @@ class Problem:
         return math.floor(largest * 10**digits) / 10**digits
 
 
-def _grid(segment: Segment) -> list[float]:
+@np.errstate(invalid="ignore")
+def _held(vehicle: Vehicle, points: Float[np.ndarray, "n 4"]) -> tuple[np.ndarray, ...]:
+    """Of many references: inputs (n, m) that hold the vehicle on each, the largest rate that they leave (n,), the
+    largest without them (n,), and the reference's twist (n, 3)."""
+    return tuple(in_batches(partial(_held_batch, vehicle), points))
+
+
+@partial(jax.jit, static_argnums=0)
+def _held_batch(vehicle: Vehicle, points: Float[Array, "n 4"]) -> tuple[Array, ...]:
+    def one(row: Float[Array, " 4"]) -> tuple[Array, ...]:
+        point = ReferencePoint(*row)
+        origin = (0.0,) * len(vehicle.state_names)
+        inputs = feedforward(vehicle, point)
+
+        def rate(*given: Scalar) -> Array:
+            return jnp.stack([jnp.asarray(each, float) for each in deviation_rate(vehicle, origin, given, point)])
+
+        def largest(values: Array) -> Array:
+            return jnp.abs(values).max()
+
+        still = rate(1.0, *(0.0 for _ in vehicle.input_names))
+        twist = vehicle.reference(point.turn_rate, point.speed)[0]
+        held = jnp.stack([jnp.asarray(each, float) for each in inputs[1:]])
+        return held, largest(rate(*inputs)), largest(still), jnp.stack([jnp.asarray(each, float) for each in twist])
+
+    return jax.vmap(one)(points)
+
+
+def _grid(segment: Segment) -> np.ndarray:
     """Places of a segment at which it is looked at: θ in s."""
-    return [0.0] if segment.is_steady else [float(theta) for theta in np.linspace(0.0, segment.duration, 201)]
+    return np.zeros(1) if segment.is_steady else np.linspace(0.0, segment.duration, PLACES)
 
 
 def _points(segment: Segment | Tube) -> list[ReferencePoint]:
     """References of a segment, or the extreme ones of a tube."""
     if isinstance(segment, Tube):
         return [point for group in segment.references() for point in group]
-    return [segment.point(theta) for theta in _grid(segment)]
+    return segment.points(_grid(segment))

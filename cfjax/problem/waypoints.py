@@ -34,7 +34,9 @@ from cfjax.problem.vehicle import KinematicBicycle, Vehicle
 
 
 SPEED = 2.0  # m/s, where neither the file nor the caller says
-SEGMENT_LENGTH = 10.0  # m
+WHEELBASE = 0.34  # m, of the car for which lengths and tolerances are right as they stand; they scale with it
+SEGMENT_LENGTH = 10.0  # m, of that car's path where the caller says nothing
+SEGMENTS = 256  # at most, where the caller says nothing: all of their pieces stand in one certificate
 MOST_SEGMENTS = 10_000
 MOST_POINTS = 100_000  # with those that fill gaps
 STRAIGHT = 1e-12  # of the extent: points that leave a line by less are on it
@@ -46,7 +48,7 @@ MOST_SMOOTHED = 20_000  # points for which a smoothing is looked for
 SETTLED = 0.7  # a smoothing that takes more than the rest of the largest curvature away has still noise to take
 LARGEST_STEP = 200.0  # wheelbases between neighbours, in a file of many points without units
 GRID = 4096  # cells of the speed profile, at least
-CELL = 0.05  # m, at most
+CELL = 0.05  # m, at most, for that car
 SMOOTHING_TIME = 0.25  # s: over so much at top speed, either way, acceleration is smoothed
 THRUST_HEADROOM = 0.02  # relative: for what the polynomials miss, so that the whole need not be slower
 BEND_HEADROOM = 5e-3
@@ -68,6 +70,11 @@ class _Limits(NamedTuple):
         """1/m."""
         return math.inf if self.car is None else (1 - self.reserve) * self.car.max_tan_steering / self.car.wheelbase
 
+    @property
+    def scale(self) -> float:
+        """By how much the car is larger than the one of the constants; 1 where its size is not known."""
+        return 1.0 if self.car is None else self.car.wheelbase / WHEELBASE
+
 
 class _Rough(InputError):
     """The points make no curve that the car can drive; less of their noise might."""
@@ -85,7 +92,7 @@ def waypoints(
     acceleration: float | None = 1.0,
     reserve: float = 0.2,
     vehicle: Vehicle = KinematicBicycle(),
-    segment_length: float = SEGMENT_LENGTH,
+    segment_length: float | None = None,
     smoothing: float = 0.0,
 ) -> Path:
     """The path through the points of a text file, or of memory, in the order in which they stand there.
@@ -113,14 +120,16 @@ def waypoints(
         reserve: the part of steering and of thrust that is left to feedback, in [0, 1).
         vehicle: what drives; of one of your own nothing is known here but `lateral_acceleration` and `acceleration`,
             and `Problem` says where its inputs do not do it.
-        segment_length: m; the path is cut into segments of equal length, as near to this as can be.
+        segment_length: m; the path is cut into segments of equal length, as near to this as can be. None: 10 m for a
+            car with a wheelbase of 0.34 m, in proportion for others, more where that makes more than 256 of them.
         smoothing: root of the mean square distance, m, by which the curve may pass the points; 0: through them.
 
     Raises:
         InputError: says what was expected, and in which row or where along the path it is not so.
     """
     given = {"speed": speed, "least_speed": least_speed, "acceleration": acceleration}
-    _positive("path", lateral_acceleration=lateral_acceleration, segment_length=segment_length)
+    given["segment_length"] = segment_length
+    _positive("path", lateral_acceleration=lateral_acceleration)
     _positive("path", **{label: value for label, value in given.items() if value is not None})
     if not 0 <= reserve < 1:
         raise InputError(f"path.reserve: expected a part in [0, 1), got {reserve}")
@@ -145,12 +154,14 @@ def waypoints(
         raise InputError(f"{rough}{_way_out(course, limits, segment_length, smoothing)}") from None
 
 
-def _path(course: Course, limits: _Limits, segment_length: float, smoothing: float) -> Path:
+def _path(course: Course, limits: _Limits, segment_length: float | None, smoothing: float) -> Path:
     points, closed = course.points, course.closed
     curve, knots = _curve(points, closed, smoothing)
     _check_bends(course, curve, limits)
     cap = _cap(points, curve, knots, closed, limits.speed)
-    profile = _speed(curve, cap, limits.lateral, limits.thrust, closed)
+    profile = _speed(curve, cap, limits, closed)
+    if segment_length is None:
+        segment_length = max(limits.scale * SEGMENT_LENGTH, curve.length / SEGMENTS)
     if curve.length > MOST_SEGMENTS * segment_length:
         raise InputError(
             f"path.segment_length: expected at least {curve.length / MOST_SEGMENTS:.3g} m for a path of "
@@ -158,7 +169,7 @@ def _path(course: Course, limits: _Limits, segment_length: float, smoothing: flo
         )
     count = max(1, round(curve.length / segment_length))
     try:
-        path = path_along("waypoints", curve, profile, segments=count)
+        path = path_along("waypoints", curve, profile, segments=count, scale=limits.scale)
     except InputError as error:
         raise _Rough(f"{points.source}: {error}") from None
     path = _slowed(path, cap, limits.lateral, limits.thrust)
@@ -255,7 +266,7 @@ def _check_back(course: Course) -> None:
             )
 
 
-def _way_out(course: Course, limits: _Limits, segment_length: float, smoothing: float) -> str:
+def _way_out(course: Course, limits: _Limits, segment_length: float | None, smoothing: float) -> str:
     """The least smoothing with which these very points make a path, for the message; empty where none does."""
     spacing = float(np.median(np.abs(np.diff(course.points.place))))
     if len(course.points.place) > MOST_SMOOTHED:
@@ -420,25 +431,25 @@ def _cap(rows: Points, curve: Curve, knots: np.ndarray, closed: bool, speed: flo
     return PPoly(np.stack([np.diff(wanted) / np.diff(at), wanted[:-1]]), at)
 
 
-def _speed(curve: Curve, cap: PPoly, lateral: float, thrust: float, closed: bool) -> float | PPoly:
+def _speed(curve: Curve, cap: PPoly, limits: _Limits, closed: bool) -> float | PPoly:
     """v (m/s) by arc length (m), once continuously differentiable, or the one constant speed."""
     length = curve.length
-    count = max(GRID, math.ceil(length / CELL))
+    count = max(GRID, math.ceil(length / (limits.scale * CELL)))
     s = np.linspace(0.0, length, count + 1)
     step = length / count
     kappa = np.abs(curve.curvature(curve.at(s)))
-    sideways = (1 - BEND_HEADROOM) * lateral
+    sideways = (1 - BEND_HEADROOM) * limits.lateral
     limit = np.minimum(cap(s) ** 2, sideways / np.maximum(kappa, sideways / cap(s) ** 2)) / 2
     if np.ptp(limit) <= LEAST_CHANGE * limit.min():
         wanted, allowed = float(cap(0.0)), math.sqrt(2 * limit.min())
         return wanted if abs(wanted - allowed) <= ROUNDING * wanted else allowed
     mode, period = ("wrap", limit[:-1]) if closed else ("edge", limit)
-    top = math.sqrt(2 * _passed(limit, step, thrust, closed).max())
+    top = math.sqrt(2 * _passed(limit, step, limits.thrust, closed).max())
     cells = min(max(1, round(SMOOTHING_TIME * top / step)), count // 8)
     # of a lap the neighbours of a window are those across its joint; an open path goes on as it ends
     around = np.pad(period, count if closed else cells, mode=mode)
     least = minimum_filter1d(around, 2 * cells + 3, mode="nearest")
-    energy = _ramps(least, step, (1 - THRUST_HEADROOM) * thrust)
+    energy = _ramps(least, step, (1 - THRUST_HEADROOM) * limits.thrust)
     total = np.concatenate([[0.0], np.cumsum(step * (energy[1:] + energy[:-1]) / 2)])
     index = np.arange(count + 1) + (count if closed else cells)
     mean = (total[index + cells] - total[index - cells]) / (2 * cells * step)

@@ -1,5 +1,10 @@
-"""How a run shows where it is: bars on a terminal, one line per finished stage in a file. All of it on stderr."""
+"""How a run shows where it is: bars on a terminal; in a file one line per finished stage, and one where it takes long.
 
+All of it on stderr.
+"""
+
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -10,12 +15,20 @@ from rich.text import Text
 from cfjax.clock import Clock
 
 
+QUIET = 20.0  # s: so long a file hears nothing of a run, at most
+SHORT = 1.0  # s: a stage of one step that takes less is worth no line
+
+
 @contextmanager
 def progress_on(console: Console | None = None) -> Iterator[Clock]:
     """The clock of a run, whose stages are shown as they begin and end."""
     console = Console(stderr=True) if console is None else console
     if not console.is_terminal:
-        yield _Lines(console).clock
+        lines = _Lines(console)
+        try:
+            yield lines.clock
+        finally:
+            lines.close()
         return
     shown = _Bars()
     with Progress(TextColumn("{task.description:>12}"), BarColumn(), shown, console=console) as bars:
@@ -45,15 +58,39 @@ class _Bars(ProgressColumn):
 
 
 class _Lines:
+    """A line when a stage of some length ends, and one whenever nothing was heard of a run for a while."""
+
     def __init__(self, console: Console) -> None:
         self.clock = Clock(self.show)
         self._console = console
         self._shown: set[str] = set()
+        self._now = ("begin", 0, 1)
+        self._spoken = time.monotonic()
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
 
     def show(self, stage: str, done: int, of: int) -> None:
-        if done >= of:
-            count = f"{done} of {of}, " if of > 1 else ""
-            again = " in all" if stage in self._shown else ""
-            self._shown.add(stage)
-            line = f"{stage}: {count}{self.clock.spent(stage):.1f} s{again}"
-            print(line, file=self._console.file, flush=True)
+        with self._lock:
+            self._now = stage, done, of
+            if done >= of and (of > 1 or self.clock.spent(stage) >= SHORT):
+                again = " in all" if stage in self._shown else ""
+                self._shown.add(stage)
+                self._say(again)
+
+    def close(self) -> None:
+        self._ended.set()
+        self._listener.join()
+
+    def _say(self, note: str) -> None:
+        stage, done, of = self._now
+        self._spoken = time.monotonic()
+        count = f"{done} of {of}, " if of > 1 else ""
+        print(f"{stage}: {count}{self.clock.spent(stage):.1f} s{note}", file=self._console.file, flush=True)
+
+    def _listen(self) -> None:
+        while not self._ended.wait(QUIET / 4):
+            with self._lock:
+                if time.monotonic() - self._spoken >= QUIET:
+                    self._say(" so far")

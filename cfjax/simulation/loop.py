@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from cfjax.control import Law, LawNumbers
 from cfjax.funnel import Funnel, Template
-from cfjax.problem import Ellipsoid, Problem, ReferencePoint, Vehicle, affine_deviation, deviation_rate
+from cfjax.problem import Ellipsoid, Problem, ReferencePoint, Vehicle, affine_along, deviation_rate
 
 
 RK4_NODES = (0.0, 0.5, 0.5, 1.0)
@@ -72,15 +72,16 @@ def loop_of(problem: Problem, numbers: LawNumbers, step: float, begin: float = 0
     return Loop(numbers, jnp.asarray(begin, float), jnp.asarray(end, float), jnp.array(safe), jnp.asarray(step, float))
 
 
-def fastest(problem: Problem, funnel: Funnel, point: ReferencePoint) -> float:
-    """The largest |ẋ| on the reference itself over the corners of the input box, with |ẋ|² = ẋᵀCẋ: in 1/s.
+def fastest(problem: Problem, funnel: Funnel, points: Float[np.ndarray, "k 4"]) -> Float[np.ndarray, " k"]:
+    """The largest |ẋ| on each reference itself over the corners of the input box, with |ẋ|² = ẋᵀCẋ: in 1/s.
 
+    References are rows of a `ReferencePoint`.
     √V changes by at most so much per second there: it says how fine steps have to be, in parts of the funnel.
     """
     corners = np.array(list(product(*((box.lower, box.upper) for box in problem.inputs))))
-    drift, columns = affine_deviation(problem.vehicle, jnp.zeros(problem.dimension), point)
-    rates = np.asarray(drift)[None, :] + corners @ np.asarray(columns).T
-    return float(np.sqrt(funnel.form(rates).max()))
+    drift, columns = affine_along(problem.vehicle, points)
+    rates = drift[:, None, :] + corners @ np.swapaxes(columns, 1, 2)
+    return np.sqrt(funnel.form(rates).max(axis=1))
 
 
 def value(template: Template, loop: Loop, theta: Array, x: tuple[Array, ...]) -> Array:

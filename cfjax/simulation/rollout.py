@@ -225,9 +225,9 @@ def _step(
         np.stack([np.broadcast_to(field, piece.shape) for field in point_at(profiles, piece, at)], axis=1)
         for at in (ends[:-1], 0.5 * (ends[1:] + ends[:-1]), ends[1:])
     ]
-    points = {ReferencePoint(*map(float, row)) for row in np.concatenate(rows)}
+    points = np.unique(np.concatenate(rows), axis=0)
     heading = float(np.sqrt(np.linalg.inv(funnel.shape)[0, 0]))
-    return STEP_SHARE / (heading * max(fastest(problem, funnel, point) for point in points))
+    return STEP_SHARE / (heading * float(fastest(problem, funnel, points).max()))
 
 
 def drive_cars(

@@ -237,8 +237,8 @@ def drive_tube(
 
 def step_length(problem: Problem, tube: Tube, funnel: Funnel) -> float:
     """Δs in m: STEP_SHARE over the largest |ẋ|/v_r at x = 0, over the corners of references and of the input box."""
-    points = [point for group in tube.references() for point in group]
-    return STEP_SHARE / max(fastest(problem, funnel, point) / point.speed for point in points)
+    points = np.array([point for group in tube.references() for point in group], float)
+    return STEP_SHARE / float((fastest(problem, funnel, points) / points[:, 1]).max())
 
 
 def _contraction_length(problem: Problem, funnel: Funnel, margin_per_metre: float) -> float:

@@ -27,8 +27,8 @@ from cfjax.errors import InputError
 from cfjax.exact import StatedSegment, exact_reference, stated
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.problem.path import Path, Pose, Profile, Segment
-from cfjax.tubes.store import library
-from cfjax.tubes.vehicles import parameters_of
+from cfjax.tubes.store import library, proven_tubes
+from cfjax.tubes.vehicles import parameters_of, why_none
 from cfjax.tubes.violation import furthest_out
 
 
@@ -147,6 +147,12 @@ def follow(
             chain is proven; the message says where and by how much.
     """
     offered = library(vehicle or KinematicBicycle()) if tubes is None else tuple(tubes)
+    if not offered and tubes is None:
+        reason = why_none(proven_tubes(), vehicle or KinematicBicycle())
+        raise InputError(
+            f"{reason}; cfjax.synthesize(cfjax.Problem(path, vehicle=vehicle)) learns and proves what holds this one, "
+            "as the command cfjax.train does"
+        )
     chosen = tuple(tube for tube in offered if pinned in (None, tube.name))
     if not chosen:
         raise InputError(

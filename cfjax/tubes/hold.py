@@ -16,7 +16,9 @@ from cfjax.check import Outcome, check_document
 from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
 from cfjax.check.containment import broken_containments
+from cfjax.check.document import MOST_PIECES
 from cfjax.check.rational import float_below
+from cfjax.check.reference import Reference
 from cfjax.check.vehicle import STATES
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, exact_numbers, tube_within
@@ -61,12 +63,18 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
         InputError: for obstacles, or a path without proven bounds.
     """
     _refuse_obstacles(problem)
+    reference = exact_course(problem.path)
+    if len(reference.pieces) > MOST_PIECES:  # nothing is learned first for what no checker reads
+        raise InputError(
+            f"path {problem.path.name}: expected at most {MOST_PIECES} polynomial pieces, which a certificate holds, "
+            f"got {len(reference.pieces)}; smoother points (path.smoothing) or a part of the path need fewer"
+        )
     ratio = min(goal / start for start, goal in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))
     inner = max(min(INNER_LEVEL, 0.25 * ratio**2), LEAST_INNER_LEVEL)
     # {V ≤ inner} lies in G where the tube lies in G enlarged
     reach = [ROOM * axis / math.sqrt(inner) for axis in problem.goal.half_axes]
     reach[0] = min(reach[0], MOST_HEADING)
-    bounds = Path("tube", (bounds_of(problem.path),))
+    bounds = Path("tube", (_bounds_of(problem.path, reference),))
     try:
         asked = replace(problem, path=bounds, goal=Ellipsoid(tuple(reach)))
     except InputError as error:  # G is too small beside I for what a tube contracts to, or the bounds ask too much
@@ -110,7 +118,10 @@ def bounds_of(path: Path) -> Tube:
     Raises:
         InputError: where the speed is not positive, or a segment does not start where the one before ends.
     """
-    reference = exact_course(path)
+    return _bounds_of(path, exact_course(path))
+
+
+def _bounds_of(path: Path, reference: Reference) -> Tube:
     try:
         return tube_within(bounds_of_pieces(reference.pieces))
     except ValueError as error:

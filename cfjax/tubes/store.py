@@ -58,12 +58,13 @@ def library(vehicle: Vehicle = KinematicBicycle()) -> tuple[CertifiedTube, ...]:
     Raises:
         InputError: for a vehicle of a kind that has no tubes.
     """
-    found = (for_vehicle(tube, vehicle) for tube in _proven())
+    found = (for_vehicle(tube, vehicle) for tube in proven_tubes())
     return tuple(tube for tube in found if tube is not None)
 
 
 @lru_cache
-def _proven() -> tuple[CertifiedTube, ...]:
+def proven_tubes() -> tuple[CertifiedTube, ...]:
+    """The package's tubes as they were proven, for the Parkour car."""
     return tuple(read_tube(path, check=False) for path in library_files())
 
 

@@ -10,7 +10,7 @@ import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
 from cfjax.check import Outcome, check_document, proof
-from cfjax.check.document import MOST_CELLS
+from cfjax.check.document import MOST_CELLS, MOST_PIECES
 from cfjax.check.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
 
 
@@ -143,7 +143,7 @@ def definite(document: Document) -> None:
 def spinning(document: Document) -> None:
     """A lap that winds up again and again: its poses are hard to enclose, each piece by itself as far as is allowed."""
     piece = {"segment": 0, "duration": "1", "turn_rate": ["0", "4000"], "speed": ["1"]}
-    document["problem"]["path"].update(pieces=[piece] * 1000, closed=True)
+    document["problem"]["path"].update(pieces=[piece] * MOST_PIECES, closed=True)
     document["funnels"][0].update(template="contracting", rate="0")
     document["problem"]["sets"]["goal"]["half_axes"] = ["9"] * 4  # nothing is wrong before the lap's end is looked for
 

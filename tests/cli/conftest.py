@@ -24,7 +24,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, hand_made: Callable[..., Result]) -> 
 
     def search(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
         if progress is not None:
-            progress("learn", 1, 1)
+            progress("learn", 6, 6)
         return hand_made(problem, options.template)
 
     monkeypatch.setattr(cfjax.synthesis, "search", search)

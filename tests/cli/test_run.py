@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -24,6 +25,11 @@ from cfjax.verdict import Verdict
 from tests.shapes import eight, slalom
 
 
+def _without_stages(said: str) -> list[str]:
+    """The lines of stderr but those of stages of one step, which are said where the machine is slow."""
+    return [line for line in said.splitlines() if not re.fullmatch(r"\w+: [\d.]+ s( in all)?", line)]
+
+
 def test_run_ends_with_its_folder(
     train: Callable[..., int], quick: None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -43,8 +49,7 @@ def test_run_ends_with_its_folder(
         "paper",
     )
     assert data["inputs"]["u0"] == [1.0, 1.0]
-    seconds = {stage: f"{stage}: {spent:.1f} s" for stage, spent in data["seconds"].items() if stage != "total"}
-    assert captured.err.splitlines() == ["learn: 0.0 s", seconds["plot"], seconds["report"]]
+    assert _without_stages(captured.err) == ["learn: 6 of 6, 0.0 s"]
 
 
 def test_without_a_path_it_is_the_oval(train: Callable[..., int], quick: None) -> None:
@@ -124,7 +129,7 @@ def test_interrupt(
 
     monkeypatch.setattr(cfjax.synthesis, "search", interrupted)
     assert train("+path=circle", "hydra.run.dir=here") == 130
-    assert capfd.readouterr().err == "interrupted\n"
+    assert _without_stages(capfd.readouterr().err) == ["interrupted"]
     assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra", ".lock"}
 
 
@@ -256,7 +261,7 @@ def test_interrupt_of_a_real_process(tmp_path: Path) -> None:
         assert process.stdout.readline() == "asleep\n"
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=60)
-    assert (process.returncode, error) == (130, "interrupted\n")
+    assert (process.returncode, _without_stages(error)) == (130, ["interrupted"])
     assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra", ".lock"}
 
 

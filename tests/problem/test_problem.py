@@ -17,8 +17,11 @@ from cfjax.problem import (
     Twist,
     ball,
     circle,
+    slalom,
     straight,
 )
+from cfjax.problem.deviation import BATCH
+from cfjax.problem.problem import PLACES
 
 
 S = Box((1.0, 1.0, 1.0, 3.0))
@@ -65,6 +68,33 @@ class Crab(KinematicBicycle):
 def test_reference_that_is_no_motion_of_the_vehicle_is_refused() -> None:
     with pytest.raises(InputError, match="is no motion of the vehicle kinematic_bicycle: its best inputs leave a rate"):
         Problem(circle(), vehicle=Crab())
+
+
+def test_the_first_place_that_needs_too_much_is_named_wherever_it_is() -> None:
+    """Many places are looked at together; the reference implementation here looks at them one by one."""
+    path, car = slalom(amplitude=1.5), KinematicBicycle()
+    first = path.curve[0]
+    theta = np.linspace(0.0, first.duration, PLACES)
+    needed = car.wheelbase * first.turn_rate.polynomial(theta) / first.speed.polynomial(theta)
+    (at, *_) = np.flatnonzero(np.abs(needed) > car.max_tan_steering)
+    with pytest.raises(InputError, match=rf"segment 0 at theta = {theta[at]:.4g} s needs w = {needed[at]:.4g}, but"):
+        Problem(path)
+
+
+def test_what_a_long_path_needs_is_what_its_places_need_one_by_one() -> None:
+    problem = Problem(slalom(amplitude=0.3, periods=5), authority=0.5)
+    points = [segment.point(t) for segment in problem.path.distinct for t in np.linspace(0, segment.duration, PLACES)]
+    assert len(points) % BATCH
+    needed = np.array([problem.feedforward(point) for point in points[::7]])
+    low, high = np.array([(limits.lower, limits.upper) for limits in problem.inputs]).T
+    np.testing.assert_allclose(high[1], 0.5 + 0.5 * np.abs(needed[:, 1]).max(), rtol=1e-3)
+    np.testing.assert_allclose(low[1], -high[1], rtol=1e-9)
+
+
+def test_segments_with_one_profile_are_one_kind() -> None:
+    path = slalom(periods=3)
+    assert path.kinds == (0, 1, 0, 1, 0, 1)
+    assert path.distinct == path.segments[:2]
 
 
 def test_tracking_fixes_the_timing_input() -> None:

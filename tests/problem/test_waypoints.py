@@ -345,3 +345,28 @@ def test_bad_numbers_get_one_line(key: str, value: float, write: Callable[..., F
     file = write(slalom())
     with pytest.raises(InputError, match=rf"^path\.{key}: expected .*, got {re.escape(str(value))}$"):
         waypoints(file, **{key: value})
+
+
+def test_a_similar_car_on_a_similar_path_has_the_similar_reference(tmp_path: File) -> None:
+    """Lengths and speeds times eight: times keep, and so do the number of segments and the cuts of each."""
+    found = []
+    for scale in (1.0, 8.0):
+        file = tmp_path / f"{scale}.csv"
+        line = scale * racing_line()
+        np.savetxt(file, np.stack([line.real, line.imag], axis=1), delimiter=",")
+        car = KinematicBicycle(0.34 * scale, 1.0, 4.0 * scale)
+        found.append(waypoints(file, speed=6 * scale, lateral_acceleration=4 * scale, acceleration=scale, vehicle=car))
+    assert len(found[0].segments) == len(found[1].segments) > 10
+    for own, other in zip(found[0].curve, found[1].curve, strict=True):
+        np.testing.assert_allclose(own.turn_rate.breaks, other.turn_rate.breaks, rtol=1e-6)
+        for ours, theirs in zip(own.speed.coefficients, other.speed.coefficients, strict=True):
+            np.testing.assert_allclose(8 * np.array(ours), theirs, rtol=1e-4, atol=1e-4)
+
+
+def test_a_long_path_of_a_large_car_has_no_more_segments_than_a_certificate_holds(tmp_path: File) -> None:
+    file = tmp_path / "long.csv"
+    u = np.linspace(0, 2 * np.pi, 400)
+    np.savetxt(file, np.stack([4000 * np.cos(u), 3000 * np.sin(u)], axis=1), delimiter=",")
+    path = waypoints(file, vehicle=KinematicBicycle(2.7, 0.5463))
+    assert len(path.segments) <= 256
+    assert sum(len(segment.turn_rate.coefficients) for segment in path.curve) <= 4096

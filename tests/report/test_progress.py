@@ -7,6 +7,7 @@ from contextlib import suppress
 import pytest
 from rich.console import Console
 
+import cfjax.report.progress
 from cfjax.clock import Clock
 from cfjax.report.progress import progress_on
 
@@ -76,3 +77,21 @@ def test_time_that_ends_in_an_error_counts_and_no_end_is_told(hours: list[float]
         raise ZeroDivisionError
     assert heard == [("certify", 0, 1)]
     assert clock.seconds == {"certify": 2.0}
+
+
+def test_a_long_stage_is_heard_of_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cfjax.report.progress, "QUIET", 0.04)
+    stream = io.StringIO()
+    with progress_on(Console(file=stream, width=80)) as clock, clock.stage("learn"):
+        clock("learn", 1, 6)
+        while not stream.getvalue():
+            time.sleep(0.01)
+    assert stream.getvalue().startswith("learn: 1 of 6, 0.")
+    assert "so far" in stream.getvalue()
+
+
+def test_a_short_step_has_no_line() -> None:
+    stream = io.StringIO()
+    with progress_on(Console(file=stream, width=80)) as clock, clock.stage("plot"):
+        pass
+    assert not stream.getvalue()

@@ -190,6 +190,23 @@ def test_a_vehicle_with_dynamics_of_its_own_has_no_tubes() -> None:
         follow(circle(radius=1.0, speed=1.0), vehicle=Drifting())
 
 
+@pytest.mark.parametrize(
+    ("car", "line"),
+    [
+        (
+            KinematicBicycle(wheelbase=0.33, max_tan_steering=0.445, max_thrust=9.5),
+            "vehicle: expected a max_tan_steering of at least 0.970589 beside wheelbase 0.33, max_thrust 9.5, for the "
+            "tubes are proven with such limits, got 0.445; cfjax.synthesize(",
+        ),
+        (KinematicBicycle(2.7, 0.5463), "vehicle: expected a max_tan_steering of at least 1 beside wheelbase 2.7"),
+    ],
+)
+def test_a_car_without_tubes_is_told_which_limit_decides(car: KinematicBicycle, line: str) -> None:
+    with pytest.raises(InputError) as caught:
+        follow(circle(radius=30.0, speed=2.0), vehicle=car)
+    assert line in str(caught.value)
+
+
 def test_given_tubes_have_to_be_of_the_vehicle_given() -> None:
     path, tubes = circle(radius=1.0, speed=1.0), library()
     assert follow(path, tubes, vehicle=KinematicBicycle()).start in tubes

@@ -20,6 +20,7 @@ from cfjax.problem import (
     Problem,
     ball,
     circle,
+    ellipse,
     figure_eight,
     oval,
     slalom,
@@ -158,3 +159,25 @@ def test_where_no_tube_does_it_segments_are_tried(monkeypatch: pytest.MonkeyPatc
     assert synthesis.search(Problem(figure_eight(), inlet=ball(0.5), goal=ball(0.05)), Options()).message == "segments"
     with pytest.raises(InputError, match="template: expected contracting with certificate=tube, got paper"):
         synthesis.search(NARROW, Options(certificate="tube", template="paper"))
+
+
+def test_many_funnels_are_learned_only_where_that_is_what_the_user_wants(monkeypatch: pytest.MonkeyPatch) -> None:
+    def failed(problem: Problem, *_: object) -> Result:
+        return Result(Verdict.INCONCLUSIVE, "no tube", problem)
+
+    monkeypatch.setattr(synthesis, "_by_tubes", failed)
+    monkeypatch.setattr(synthesis, "_by_segments", lambda problem, *_: Result(Verdict.CERTIFIED, "segments", problem))
+    few, many = (Problem(ellipse(segments=count)) for count in (synthesis.MOST_TRIED - 1, synthesis.MOST_TRIED + 1))
+    assert synthesis.search(few, Options()).message == "segments"
+    found = synthesis.search(many, Options())
+    assert (found.verdict, found.message[:36]) == (Verdict.INCONCLUSIVE, "no tube; certificate=segment would l")
+    assert f"each of the path's {len(many.path.distinct)} segments" in found.message
+    assert synthesis.search(many, Options(certificate="segment")).message == "segments"
+
+
+def test_a_path_of_more_pieces_than_a_certificate_holds_is_refused_before_learning(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("cfjax.tubes.hold.MOST_PIECES", 4)
+    with pytest.raises(InputError, match=r"path slalom: expected at most 4 polynomial pieces, .*\(path.smoothing"):
+        hold_by_learning(NARROW, lambda *_: pytest.fail("learned"))

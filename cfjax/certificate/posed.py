@@ -1,0 +1,63 @@
+"""Whether condition (d) can be posed for a problem, whatever the funnel: known before anything is learned.
+
+What the proof of a funnel is made of (degrees, terms, cells) depends on the vehicle, the bounds of the reference and
+the states, hardly on the funnel. So it is put together once for the least funnel that can be asked about, one a little
+inside I, on the first cell of the path: where that cannot be done, no funnel that holds I has a proof of this kind.
+"""
+
+import numpy as np
+from flint import fmpq
+
+from cfjax.certificate.certifier import Statement
+from cfjax.certificate.plan import CELLS
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, round_funnel
+from cfjax.check.document import MOST_GRAM_ENTRIES, MOST_MONOMIALS
+from cfjax.check.reader import Broken
+from cfjax.check.symbolic import symbolic
+from cfjax.check.tube import TubeClaim, has_tube_structure
+from cfjax.errors import InputError
+from cfjax.funnel import Funnel, Template
+from cfjax.problem import Problem
+
+
+INSIDE = 0.9  # of I: bounds on a funnel that are not sharp refuse none that holds I
+
+
+def require_posable(
+    problem: Problem, statement: Statement, template: Template, beta_lower: float, beta_inner: float | None = None
+) -> None:
+    """Put condition (d) together for a funnel a little inside I, and count what a certificate would hold.
+
+    Raises:
+        InputError: it cannot be put together, or not written for so many segments; says what was expected.
+    """
+    claim, distinct = statement.claim, problem.path.distinct
+    first = claim.distinct[0]
+    shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)
+    funnel = Funnel(template, shape, 0.0, distinct[0].duration, beta_lower, beta_inner)
+    vehicle = f"vehicle {problem.vehicle.name}: expected dynamics of which a proof can be put together"
+    try:
+        if isinstance(first, TubeClaim):
+            stretch = Stretch(fmpq(0), fmpq(0), first)
+        else:
+            dynamics = symbolic(statement.graph, claim.vehicle.states, tuple(claim.inputs))
+            stretch = bounded(first.pieces, fmpq(0), first.duration / CELLS, not has_tube_structure(dynamics))
+        questions = decreases_on(problem, round_funnel(funnel, distinct[0]), statement.graph, stretch)
+    except Broken as error:
+        raise InputError(str(error)) from None
+    except ValueError as error:
+        raise InputError(f"{vehicle}, already inside sets.inlet; got: {error}") from None
+    rows = max(map(len, questions[0].bases))
+    if rows > MOST_MONOMIALS:
+        raise InputError(f"{vehicle} from Gram matrices of at most {MOST_MONOMIALS} rows, got {rows}")
+    entries = entries_of(questions)
+    if entries > MOST_GRAM_ENTRIES:
+        raise InputError(
+            f"{vehicle} from at most {MOST_GRAM_ENTRIES} entries of Gram matrices, got {entries} for one stretch"
+        )
+    if len(distinct) * entries > MOST_GRAM_ENTRIES:
+        raise InputError(
+            f"path {problem.path.name}: expected at most {MOST_GRAM_ENTRIES // entries} distinct segments, as one "
+            f"certificate holds the proofs of so many funnels, got {len(distinct)}; longer segments "
+            "(path.segment_length) are fewer, and certificate=tube needs one funnel for all of them"
+        )
