@@ -2,7 +2,7 @@
 
     problem → learner ⇄ falsifier → certificate → control → simulation → report
 
-Names are loaded on first use, so that `cfjax.check` replays a proof without JAX.
+Names and rooms are loaded on first use, so that `cfjax.check` replays a proof without JAX.
 """
 
 import importlib
@@ -77,6 +77,11 @@ _WHERE = {
     ),
 }
 
+_ROOMS = (
+    *("baselines", "certificate", "check", "control", "demonstrator", "export", "falsifier", "funnel", "learner"),
+    *("options", "plants", "problem", "result", "simulation", "tubes"),
+)
+
 __all__ = [
     "Box",
     "Contracting",
@@ -116,9 +121,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _WHERE:
-        raise AttributeError(f"module 'cfjax' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"cfjax.{_WHERE[name]}"), name)
+    if name in _WHERE:
+        return getattr(importlib.import_module(f"cfjax.{_WHERE[name]}"), name)
+    if name in _ROOMS:
+        return importlib.import_module(f"cfjax.{name}")
+    raise AttributeError(f"module 'cfjax' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

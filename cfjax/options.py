@@ -1,24 +1,25 @@
 """How to look for a funnel: apart from the search itself, so that a configuration is checked before it is imported."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
+from cfjax.coerce import flag, instance, keep, number, objects, one_of, whole
 from cfjax.errors import InputError
 from cfjax.funnel import Objective, template_named
+from cfjax.funnel.funnel import inner_level
+from cfjax.problem import Interval, Method, Problem
+from cfjax.problem.problem import TIMING
 from cfjax.solver import DEFAULT, SOLVERS
-
-
-if TYPE_CHECKING:
-    from cfjax.problem import Problem
 
 
 CERTIFICATES = ("auto", "segment", "tube")
 LEARNERS = ("gradient", "polytope")
 CENTRES = ("mve", "analytic", "chebyshev")
 DEMONSTRATIONS = ("mpc", "revised")
+GRADIENTS = ("restarts", "rounds")  # of that learner alone
 LEAST_BETA_LOWER = 0.05  # below, no funnel of the paper's template has room to shrink in
-LARGEST_SEED = 2**32 - 1  # that all generators of random numbers take
 
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
 
@@ -35,18 +36,15 @@ class Elimination:
     delta: float = 0.01  # radius of the ball of coefficients that has to be left; C in half-axes of I, Frobenius norm
 
     def __post_init__(self) -> None:
-        if not 0 < self.margin < float("inf"):
-            raise InputError(f"polytope.margin: expected a positive finite number (1/s), got {self.margin}")
-        if self.centre not in CENTRES:
-            raise InputError(f"polytope.centre: expected one of {', '.join(CENTRES)}, got {self.centre}")
-        if self.batch < 1:
-            raise InputError(f"polytope.batch: expected a whole number of at least 1, got {self.batch}")
-        if self.demonstrations not in DEMONSTRATIONS:
-            raise InputError(
-                f"polytope.demonstrations: expected one of {', '.join(DEMONSTRATIONS)}, got {self.demonstrations}"
-            )
-        if not 0 < self.delta < 1:
-            raise InputError(f"polytope.delta: expected a number between 0 and 1, got {self.delta}")
+        one_of("polytope.centre", self.centre, CENTRES)
+        one_of("polytope.demonstrations", self.demonstrations, DEMONSTRATIONS)
+        keep(
+            self,
+            margin=number("polytope.margin", self.margin, "1/s", above=0),
+            climb=flag("polytope.climb", self.climb),
+            batch=whole("polytope.batch", self.batch, 1),
+            delta=number("polytope.delta", self.delta, above=0, below=1),
+        )
 
     @property
     def revise(self) -> bool:
@@ -56,54 +54,95 @@ class Elimination:
 
 @dataclass(frozen=True)
 class Options:
-    """How to look for a funnel; the problem says for what."""
+    """How to look for a funnel; the problem says for what.
 
-    template: str = "contracting"  # or "paper"
-    certificate: str = "auto"  # "segment": funnels made for the path; "tube": tubes for all paths within its bounds
-    learner: str = "gradient"  # or "polytope": the paper's own, by elimination from demonstrations
+    Args:
+        template: "contracting", V = e^{kθ} xᵀCx, or "paper", V = xᵀCx + c₀θ.
+        certificate: "segment", funnels made for the path; "tube", tubes for all paths within its bounds; "auto", what
+            is cheaper.
+        learner: "gradient"; or "polytope", the paper's own, by elimination from demonstrations.
+        polytope: how that one looks.
+        objective: the largest margin λ, or the smallest width or the largest inlet at a margin.
+        beta_lower: V decreases at λ (1/s) on the shell [beta_lower, 1]; a level of V.
+        beta_inner: below, V decreases at λ V / beta_lower down to this level; None: no further than beta_lower.
+        restarts: candidates that the gradient learner starts from.
+        seed: of everything that is drawn.
+        rounds: of the learn–certify loop, at most.
+        solver: of the sums of squares: "batched", or "clarabel" (CVXPY).
+        robustness: whether what a certified funnel absorbs is proven too.
+        cars: driven through the funnel; 0 for none.
+
+    Raises:
+        InputError: for values that are none of these.
+    """
+
+    template: str = "contracting"
+    certificate: str = "auto"
+    learner: str = "gradient"
     polytope: Elimination = Elimination()
-    objective: Objective = Objective()  # largest margin, or smallest width or largest inlet at a margin
-    beta_lower: float = 0.9  # shell [beta_lower, 1] on which V has to decrease
-    beta_inner: float | None = None  # V decreases down to here, at λ V / beta_lower; None: no further than beta_lower
+    objective: Objective = Objective()
+    beta_lower: float = 0.9
+    beta_inner: float | None = None
     restarts: int = 4
     seed: int = 0
-    rounds: int = 3  # of the learn–certify loop, at most
-    solver: str = DEFAULT  # of the sums of squares: "batched", or "clarabel" (CVXPY)
-    robustness: bool = True  # what a certified funnel absorbs is proven too
-    cars: int = 10_000  # driven through the funnel; 0 for none
+    rounds: int = 3
+    solver: str = DEFAULT
+    robustness: bool = True
+    cars: int = 10_000
 
     def __post_init__(self) -> None:
         template_named(self.template)
-        if self.certificate not in CERTIFICATES:
-            raise InputError(f"certificate: expected one of {', '.join(CERTIFICATES)}, got {self.certificate}")
-        if self.solver not in SOLVERS:
-            raise InputError(f"solver: expected one of {', '.join(SOLVERS)}, got {self.solver}")
-        if self.learner not in LEARNERS:
-            raise InputError(f"learner: expected one of {', '.join(LEARNERS)}, got {self.learner}")
+        one_of("certificate", self.certificate, CERTIFICATES)
+        one_of("solver", self.solver, SOLVERS)
+        one_of("learner", self.learner, LEARNERS)
+        instance("polytope", self.polytope, Elimination)
+        instance("objective", self.objective, Objective)
+        least = {"restarts": 1, "seed": 0, "rounds": 1, "cars": 0}
+        keep(
+            self,
+            beta_lower=number("beta_lower", self.beta_lower, least=LEAST_BETA_LOWER, below=1),
+            beta_inner=inner_level(self.beta_inner, self.beta_lower),
+            robustness=flag("robustness", self.robustness),
+            **{name: whole(name, getattr(self, name), bound) for name, bound in least.items()},
+        )
         if self.learner == "polytope" and self.objective.margin is not None:
             raise InputError(f"objective: expected margin with learner=polytope, got {self.objective.kind}")
-        if not LEAST_BETA_LOWER <= self.beta_lower < 1:
-            raise InputError(
-                f"beta_lower: expected a number of at least {LEAST_BETA_LOWER} and below 1, got {self.beta_lower}"
-            )
-        if self.beta_inner is not None and not 0 < self.beta_inner <= self.beta_lower:
-            raise InputError(
-                f"beta_inner: expected a number above 0 and at most beta_lower = {self.beta_lower}, "
-                f"got {self.beta_inner}"
-            )
-        for name, least in (("restarts", 1), ("rounds", 1), ("cars", 0), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"{name}: expected a whole number of at least {least}, got {getattr(self, name)}")
-        if self.seed > LARGEST_SEED:
-            raise InputError(f"seed: expected a whole number of at most {LARGEST_SEED}, got {self.seed}")
 
 
-def check_question(problem: "Problem", options: Options) -> None:
+def idle(problem: Problem, options: Options) -> list[str]:
+    """What is given and changes nothing, a line each: somebody may have meant something else by it."""
+    lines = []
+    if problem.method is Method.TT and problem.timing not in (TIMING, Interval(1.0, 1.0)):
+        lines.append(f"timing: {problem.timing} does nothing with method=tt, where u0 is 1")
+    for label, heading in (
+        ("sets.goal", problem.goal.half_axes[0]),
+        ("sets.safe", problem.safe.half_widths[0] if problem.safe else 0.0),
+    ):
+        if heading > math.pi:
+            degrees = f"; {heading:g} degrees are {math.radians(heading):.4g} rad"
+            lines.append(f"{label}: {heading:g} rad of heading are no limit, for headings end at pi rad{degrees}")
+    of_others = {"gradient": _changed("polytope.", options.polytope), "polytope": _changed("", options, GRADIENTS)}
+    lines += [f"{name} does nothing with learner={options.learner}" for name in of_others[options.learner]]
+    return lines
+
+
+def _changed(prefix: str, options: Any, names: Sequence[str] = ()) -> list[str]:
+    """Which of the options are not as they are unless somebody says so."""
+    usual = type(options)()
+    return [
+        f"{prefix}{name}={value}"
+        for name, value in vars(options).items()
+        if name in (names or vars(usual)) and value != getattr(usual, name)
+    ]
+
+
+def check_question(problem: Problem, options: Options) -> None:
     """What problem and options are good for by themselves but not together.
 
     Raises:
-        InputError: names the option that does not go with the path.
+        InputError: names the option that does not go with the path, or what is no problem and no options.
     """
+    objects(problem=(problem, Problem), options=(options, Options))
     path = problem.path
     if options.certificate == "tube" and not path.tube and problem.authority != 1:
         raise InputError(f"authority: expected 1 for a path that tubes hold, got {problem.authority:g}")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from cfjax import coerce
 from cfjax.funnel import Funnel, Leg
 from cfjax.problem import Problem, Tube
 from cfjax.verdict import Verdict
@@ -113,7 +114,10 @@ class Rollouts:
 
 @dataclass(frozen=True)
 class Result:
-    """Verdict and message (one line), the funnels found with their margins, and how it went."""
+    """Verdict and message (one line), the funnels found with their margins, and how it went.
+
+    `cfjax.synthesize` makes it.
+    """
 
     verdict: Verdict
     message: str
@@ -130,6 +134,25 @@ class Result:
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place stopped the proof
     worst_points: tuple[WorstPlace, ...] = ()  # of the falsifier; none of tubes that came with the package
     command: str | None = None  # of the shell, that asked for it; None where Python did
+
+    def __post_init__(self) -> None:
+        coerce.keep(
+            self,
+            verdict=coerce.choice("verdict", self.verdict, Verdict),
+            message=coerce.text("message", self.message),
+            problem=coerce.instance("problem", self.problem, Problem),
+            segments=coerce.instances("segments", self.segments, SegmentResult),
+            rollouts=coerce.instances("rollouts", self.rollouts, Rollouts),
+            iterations=coerce.whole("iterations", self.iterations, 0),
+        )
+        for name, kind in (
+            ("robustness", Robustness),
+            ("closed_loop", ClosedLoop),
+            ("document", dict),
+            ("command", str),
+        ):
+            coerce.optional(name, getattr(self, name), kind)
+        coerce.objects(seconds=(self.seconds, dict), search=(self.search, dict))
 
     @property
     def margin_certified(self) -> float | None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cfjax import coerce
 from cfjax.certificate import certify, require_posable, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
@@ -20,7 +21,7 @@ from cfjax.errors import InputError
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for, learn_polytope
-from cfjax.options import Options, Progress, check_question
+from cfjax.options import Options, Progress, check_question, idle
 from cfjax.problem import Path, Problem, Vehicle
 from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
@@ -52,13 +53,17 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 
     Learn, certify, and where the proof falls short of what the falsifier could not refute, learn again from the points
     that stood in the way. The best certified funnel is what is returned. `inconclusive` is no proof that none exists.
+    What is given and changes nothing is named on stderr, in a line each.
 
     Raises:
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
     """
     check_question(problem, options)
+    coerce.function("progress", progress)
     started = time.perf_counter()
     clock = Clock.of(progress)
+    for line in idle(problem, options):
+        print(f"warning: {line}", file=sys.stderr)
     if problem.path.tube or options.certificate == "segment" or options.learner == "polytope":
         result = _by_segments(problem, options, clock)
     elif options.certificate == "tube":
@@ -133,6 +138,7 @@ def harden(result: Result, options: Options = Options(), progress: Progress | No
     Raises:
         ValueError, NotProven: nothing was found.
     """
+    coerce.objects(result=(result, Result), options=(options, Options))
     if not options.robustness:
         return None
     with Clock.of(progress).stage("robustness"):
@@ -144,7 +150,12 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
 
     The proof is finished and does not depend on them: where they cannot be driven (a number of cars that no memory
     holds, say), one line on stderr says why and the result comes back without a closed loop.
+
+    Raises:
+        InputError: for what is no result, or no options.
     """
+    coerce.objects(result=(result, Result), options=(options, Options))
+    coerce.function("progress", progress)
     if result.verdict is not Verdict.CERTIFIED or not options.cars:
         return result
     clock = Clock.of(progress, result.seconds)

@@ -20,12 +20,15 @@ prepare_environment()  # commands and tests compile the same programs: what one 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
 
 from cfjax.funnel import Funnel, template_named  # noqa: E402
 from cfjax.problem import Problem  # noqa: E402
 from cfjax.result import ClosedLoop, Result, SegmentResult  # noqa: E402
 from cfjax.verdict import Verdict  # noqa: E402
 
+
+settings.register_profile("campaign", max_examples=10_000)  # pytest --hypothesis-profile=campaign FILE: an hour
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")

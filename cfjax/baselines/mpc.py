@@ -20,6 +20,8 @@ import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float
 
+from cfjax.coerce import instance, objects, whole
+from cfjax.coerce import number as coerced
 from cfjax.demonstrator.box import COMPILER
 from cfjax.demonstrator.ddp import rollout
 from cfjax.demonstrator.demonstrator import TOLERANCE, Horizon, horizon_of
@@ -84,8 +86,10 @@ def mpc(
     iterations: int = 2,
 ) -> Mpc:
     """The tracker of a problem for a control period (s); the demonstrator's horizon and weights where not given."""
-    horizon = horizon_of(problem) if horizon is None else horizon
-    weights = weights_of(problem) if weights is None else weights
+    objects(problem=(problem, Problem), track=(track, Track))
+    period, iterations = coerced("period", period, "s", above=0), whole("iterations", iterations, 1)
+    horizon = horizon_of(problem) if horizon is None else instance("horizon", horizon, Horizon)
+    weights = weights_of(problem) if weights is None else instance("weights", weights, Weights)
     task = task_of(problem, weights, horizon.step)
     return Mpc(track, task, period, horizon.steps, iterations)
 

@@ -37,9 +37,11 @@ from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken, Unreadable
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim
+from cfjax.coerce import function, instances, number, objects, whole
 from cfjax.errors import InputError
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
+from cfjax.funnel.funnel import require_fit
 from cfjax.problem import Problem
 from cfjax.result import StretchMargin
 from cfjax.solver import DEFAULT, Solver, solver_named
@@ -84,6 +86,7 @@ def statement_of(problem: Problem) -> Statement:
         InputError: it has no proof of this kind, whatever the funnels: a vehicle with an operation that has no exact
             arithmetic, or one whose reference may not vary as the path does; more than the checker reads.
     """
+    objects(problem=(problem, Problem))
     graph = trace_deviation(problem.vehicle)
     written = write_problem(problem, graph)
     try:
@@ -115,9 +118,13 @@ def certify(
         InputError: the question has no proof of this kind: see `statement_of`; or the vehicle's dynamics are not of the
             form in which a few references speak for all.
     """
-    distinct = problem.path.distinct
+    objects(problem=(problem, Problem))
+    distinct, funnels = problem.path.distinct, instances("funnels", funnels, Funnel)
+    target, workers = number("target", target, "1/s", least=0), whole("workers", workers, 1)
+    function("progress", progress)
     if len(funnels) != len(distinct):
         raise InputError(f"certify: expected {len(distinct)} funnels, one per distinct segment, got {len(funnels)}")
+    require_fit(problem, funnels)
     started = time.perf_counter()
     graph, question, claim = statement_of(problem)
     clock = {"plan": 0.0, "sos": 0.0, "exact": time.perf_counter() - started}

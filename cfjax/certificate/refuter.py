@@ -5,8 +5,7 @@ boundary on which such points like to lie, and is shown to the checker; only wha
 """
 
 import json
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 
 from flint import fmpq
 
@@ -16,9 +15,11 @@ from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_funnel, write_problem, write_witness
 from cfjax.check import Outcome, check_document
 from cfjax.check.rational import rational
+from cfjax.coerce import instances, number, objects
 from cfjax.errors import InputError
 from cfjax.falsifier import WorstPoint, falsify
 from cfjax.funnel import Funnel
+from cfjax.funnel.funnel import require_fit
 from cfjax.problem import Problem, Tube
 from cfjax.verdict import Verdict
 
@@ -29,7 +30,7 @@ X_DIGITS = 15  # significant digits of a witness
 
 
 def refute(
-    problem: Problem, funnel: Funnel, margin: float = 0.0, points: Iterable[WorstPoint] | None = None
+    problem: Problem, funnel: Funnel, margin: float = 0.0, points: Sequence[WorstPoint] | None = None
 ) -> Certification:
     """Prove that a candidate is no control funnel function with margin λ (1/s) on the problem's one segment.
 
@@ -42,10 +43,12 @@ def refute(
     Raises:
         InputError: more than one segment, or a negative margin.
     """
+    objects(problem=(problem, Problem), funnel=(funnel, Funnel))
+    margin = number("margin", margin, "1/s", least=0)
+    points = None if points is None else instances("points", points, WorstPoint)
     if len(problem.path.segments) != 1:
         raise InputError(f"refute: expected one segment, got {len(problem.path.segments)}")
-    if not 0 <= margin < math.inf:
-        raise InputError(f"refute: expected a margin that is not negative, got {margin}")
+    require_fit(problem, [funnel])
     segment = problem.path.segments[0]
     question = write_problem(problem, trace_deviation(problem.vehicle))
     size = funnel.dimension

@@ -29,6 +29,7 @@ from cfjax.check.rational import rational
 from cfjax.check.robustness import motions, tube_motions
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim, require_tube_structure
+from cfjax.coerce import instance, whole
 from cfjax.result import Result
 from cfjax.solver import DEFAULT, Program, Solution, Solver, solver_named
 from cfjax.verdict import Verdict
@@ -43,7 +44,7 @@ def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAU
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
     """
-    document = result.document
+    document, workers = instance("result", result, Result).document, whole("workers", workers, 1)
     if document is None or document["claim"] not in ("funnel", CHAIN):
         return None
     return robustness_document(document, workers, solver)

@@ -19,8 +19,9 @@ from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import SmoothTube, TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.coerce import instance
 from cfjax.exact import exact_course, write_pieces
-from cfjax.problem import Method, Problem, Vehicle
+from cfjax.problem import Problem, Vehicle
 
 
 Gram = tuple[int, list[int]]  # exponent and lower triangle, `cfjax.certificate.rounding`
@@ -30,7 +31,7 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
     """The question: vehicle, method, input box, path, sets."""
     return {
         "vehicle": write_vehicle(problem.vehicle, graph),
-        "method": "tt" if problem.method is Method.TT else "pf",
+        "method": problem.method.value,
         "inputs": [
             {"name": name, "lower": _number(limits.lower), "upper": _number(limits.upper)}
             for name, limits in zip(("u0", *problem.vehicle.input_names), problem.inputs, strict=True)
@@ -175,6 +176,7 @@ def with_hash(claim: str, content: Mapping[str, Any]) -> dict[str, Any]:
 
 def dump(document: Mapping[str, Any]) -> str:
     """The file's text: what lies on disk is what was replayed."""
+    instance("document", document, Mapping)
     return json.dumps(document, separators=(",", ":"), ensure_ascii=True) + "\n"
 
 

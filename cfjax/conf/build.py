@@ -1,9 +1,10 @@
 """From a configuration to the objects of `cfjax.problem` and `cfjax.synthesis`, by their plain constructors."""
 
+import contextlib
 import dataclasses
 import os
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from typing import Any
 
@@ -12,6 +13,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from cfjax.coerce import Refused
 from cfjax.conf.command_line import hydra_overrides
 from cfjax.conf.messages import one_line, shown
 from cfjax.conf.own_vehicle import own_vehicle
@@ -27,19 +29,7 @@ from cfjax.conf.schema import (
 from cfjax.errors import InputError
 from cfjax.funnel import Objective
 from cfjax.options import Elimination, Options
-from cfjax.problem import (
-    Box,
-    Disc,
-    Ellipsoid,
-    FootprintDisc,
-    Interval,
-    Method,
-    Obstacle,
-    Path,
-    Polygon,
-    Problem,
-    Vehicle,
-)
+from cfjax.problem import Path, Problem, Vehicle
 
 
 def typed(node: DictConfig) -> Config:
@@ -150,36 +140,37 @@ def problem_of(config: Config, vehicle: Vehicle | None = None) -> Problem:
     Raises:
         InputError: where it cannot be asked, or its vehicle is a class that a configuration does not load.
     """
-    methods = {method.value: method for method in Method}
-    if config.method not in methods:
-        raise InputError(f"method: expected one of {', '.join(methods)}, got {config.method}")
-    if len(config.timing) != 2:
-        raise InputError(f"timing: expected two numbers, lower and upper, got {config.timing}")
-    built: Vehicle = config.vehicle.build() if vehicle is None else vehicle
-    dimension = len(built.state_names)
-    safe = config.sets.safe
-    return Problem(
-        path=_path_of(config.path, built),
-        inlet=Ellipsoid(_half_axes("sets.inlet", config.sets.inlet, dimension)),
-        goal=Ellipsoid(_half_axes("sets.goal", config.sets.goal, dimension)),
-        safe=None if safe is None else Box(_half_axes("sets.safe", safe, dimension)),
-        obstacles=_obstacles(config.sets.obstacles),
-        footprint=_footprint(config.vehicle.footprint),
-        vehicle=built,
-        method=methods[config.method],
-        timing=Interval(*config.timing),
-        authority=config.authority,
-    )
+    with _as_typed():
+        built: Vehicle = config.vehicle.build() if vehicle is None else vehicle
+        return Problem(
+            path=_path_of(config.path, built),
+            **vars(config.sets),
+            footprint=config.vehicle.footprint,
+            vehicle=built,
+            method=config.method,
+            timing=config.timing,
+            authority=config.authority,
+        )
 
 
 def options_of(config: Config) -> Options:
     """How to look for a funnel."""
-    built = {
-        "objective": Objective(config.objective.kind, config.objective.margin),
-        "polytope": Elimination(**vars(config.polytope)),
-    }
-    plain = [field.name for field in dataclasses.fields(Options) if field.name not in built]
-    return Options(**built, **{name: getattr(config, name) for name in plain})
+    with _as_typed():
+        built = {
+            "objective": Objective(config.objective.kind, config.objective.margin),
+            "polytope": Elimination(**vars(config.polytope)),
+        }
+        plain = [field.name for field in dataclasses.fields(Options) if field.name not in built]
+        return Options(**built, **{name: getattr(config, name) for name in plain})
+
+
+@contextlib.contextmanager
+def _as_typed() -> Iterator[None]:
+    """What is refused is shown as it stands on a command line or in YAML: null, true, text without quotes."""
+    try:
+        yield
+    except Refused as error:
+        raise InputError(f"{error.name}: expected {error.expected}, got {shown(error.value)}") from error
 
 
 def _path_of(config: PathConfig, vehicle: Vehicle) -> Path:
@@ -192,55 +183,6 @@ def _path_of(config: PathConfig, vehicle: Vehicle) -> Path:
         numbers = {key: value for key, value in vars(config).items() if key not in ("name", "kind")}
         given = ", ".join(f"path.{key}={value}" for key, value in numbers.items())
         raise InputError(f"path: {error}; got {given}") from error
-
-
-def _half_axes(label: str, value: Any, dimension: int) -> tuple[float, ...]:
-    given = value if isinstance(value, Sequence) and not isinstance(value, str) else [value] * dimension
-    numbers = _numbers(given)
-    if numbers is None:
-        raise InputError(f"{label}: expected a number or a list of {dimension} numbers, got {shown(value)}")
-    if not all(0 < number < float("inf") for number in numbers):
-        raise InputError(f"{label}: expected positive finite numbers, got {shown(value)}")
-    return tuple(numbers)
-
-
-def _numbers(given: Any, count: int | None = None) -> list[float] | None:
-    """The list as numbers, so many if a count is given; None where it is no such list."""
-    if not isinstance(given, Sequence) or isinstance(given, str) or count not in (None, len(given)):
-        return None
-    good = all(isinstance(number, int | float) and not isinstance(number, bool) for number in given)
-    return [float(number) for number in given] if good else None
-
-
-def _pairs(given: Any) -> tuple[tuple[float, float], ...] | None:
-    """The list as pairs of numbers; None where it is no such list."""
-    rows = [_numbers(row, 2) for row in given] if isinstance(given, list) else [None]
-    pairs = tuple((row[0], row[1]) for row in rows if row)
-    return pairs if len(pairs) == len(rows) else None
-
-
-def _obstacles(value: Any) -> tuple[Obstacle, ...]:
-    if not isinstance(value, list):
-        raise InputError(f"sets.obstacles: expected a list, empty for none, got {shown(value)}")
-    return tuple(map(_obstacle, value))
-
-
-def _obstacle(entry: Any) -> Obstacle:
-    (kind, shape), *more = entry.items() if isinstance(entry, dict) and entry else [("", None)]
-    if kind == "disc" and not more and (numbers := _numbers(shape, 3)):
-        return Disc(*numbers)
-    if kind == "polygon" and not more and (corners := _pairs(shape)) is not None:
-        return Polygon(corners)
-    raise InputError(
-        f"sets.obstacles: expected entries {{disc: [x, y, radius]}} or {{polygon: [[x, y], ...]}}, got {shown(entry)}"
-    )
-
-
-def _footprint(value: Any) -> tuple[FootprintDisc, ...]:
-    discs = _pairs(value)
-    if discs is None:
-        raise InputError(f"vehicle.footprint: expected a list of discs [radius, offset], got {shown(value)}")
-    return tuple(FootprintDisc(radius, offset) for radius, offset in discs)
 
 
 def _unknown_keys(node: Any, prefix: str) -> list[str]:

@@ -6,17 +6,16 @@ only what has no object of its own.
 
 import abc
 import copy
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from omegaconf import MISSING
 
+from cfjax.coerce import one_of
 from cfjax.errors import InputError
 from cfjax.options import Elimination, Options
 from cfjax.problem import (
-    Interval,
     KinematicBicycle,
     Path,
     Vehicle,
@@ -173,22 +172,7 @@ class TubeConfig(PathConfig):
     acceleration: Any = _any_of(INTERVAL, 0.0)  # dv/dtheta, m/s²
 
     def build(self, vehicle: Vehicle) -> Path:
-        bounds = {label: _bounds(label, getattr(self, label)) for label in ("speed", "curvature", "acceleration")}
-        return Path(self.name, tube(**bounds).segments)
-
-
-def _bounds(label: str, value: Any) -> float | Interval:
-    given = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
-    if len(given) > 2 or not given or not all(isinstance(n, int | float) and not isinstance(n, bool) for n in given):
-        raise InputError(f"path.{label}: expected a number or an interval [lower, upper], got {value}")
-    if len(given) == 1:
-        return float(given[0])
-    try:
-        return Interval(float(given[0]), float(given[1]))
-    except InputError:
-        raise InputError(
-            f"path.{label}: expected an interval of finite numbers, the lower one first, got {list(given)}"
-        ) from None
+        return Path(self.name, tube(self.curvature, self.speed, self.acceleration).segments)
 
 
 PATH_KINDS: dict[str, type[PathConfig]] = {
@@ -287,8 +271,7 @@ class WandbConfig:
     tags: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        if self.mode not in (modes := ("offline", "online", "disabled")):
-            raise InputError(f"wandb.mode: expected one of {', '.join(modes)}, got {self.mode}")
+        one_of("wandb.mode", self.mode, ("offline", "online", "disabled"))
 
 
 @dataclass
@@ -318,5 +301,4 @@ class Config:
     wandb: WandbConfig = field(default_factory=WandbConfig)
 
     def __post_init__(self) -> None:
-        if self.logger not in ("none", "wandb"):
-            raise InputError(f"logger: expected one of none, wandb, got {self.logger}")
+        one_of("logger", self.logger, ("none", "wandb"))

@@ -1,5 +1,6 @@
 """From a funnel to inputs: the laws that a car runs."""
 
+from cfjax.coerce import one_of
 from cfjax.control.law import (
     Descent,
     Law,
@@ -13,7 +14,6 @@ from cfjax.control.law import (
 from cfjax.control.min_norm import MinNorm, nearest_in_box
 from cfjax.control.query import Located, locate
 from cfjax.control.sontag import LinSontag, Sontag
-from cfjax.errors import InputError
 
 
 LAWS: dict[str, Law] = {law.name: law for law in (MinNorm(), Sontag(), LinSontag())}
@@ -22,9 +22,7 @@ LAWS: dict[str, Law] = {law.name: law for law in (MinNorm(), Sontag(), LinSontag
 
 def law_named(name: str) -> Law:
     """The law of that name; raises InputError with the list of names."""
-    if name not in LAWS:
-        raise InputError(f"law: expected one of {', '.join(LAWS)}, got {name}")
-    return LAWS[name]
+    return LAWS[one_of("law", name, LAWS)]
 
 
 __all__ = [

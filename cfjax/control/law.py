@@ -26,9 +26,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cfjax.coerce import number, objects, optional
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, Template
+from cfjax.funnel.funnel import require_fit
 from cfjax.problem import Interval, Problem, ReferencePoint, Tube, Vehicle, deviation_rate, feedforward
+from cfjax.problem.deviation import scalars
 from cfjax.problem.vehicle import Scalar
 
 
@@ -60,6 +63,7 @@ def any_path_numbers(problem: Problem, funnel: Funnel, margin: float, margin_per
     The decrease holds for every curvature and acceleration of the tube, however they change while inputs are held: it
     is what a tube's proven control period speaks of.
     """
+    objects(problem=(problem, Problem))
     bounds = problem.path.segments[0]
     if not isinstance(bounds, Tube):
         raise InputError(f"path: expected a tube, got {problem.path.name}")
@@ -71,6 +75,7 @@ def leg_numbers(problem: Problem, leg: Leg) -> LawNumbers:
 
     In a tube for every curvature and acceleration of the path there, at once: they may jump while inputs are held.
     """
+    objects(leg=(leg, Leg))
     bounds = (leg.along.curvature, leg.along.acceleration) if leg.along else ()
     return law_numbers(problem, leg.funnel, leg.margin, leg.margin_per_metre, *bounds)
 
@@ -92,6 +97,11 @@ def law_numbers(
     end meets the box. Where the path's curvature is not known, the middle does for the feed-forward. So it is with an
     interval of `acceleration`.
     """
+    objects(problem=(problem, Problem), funnel=(funnel, Funnel))
+    require_fit(problem, [funnel])
+    optional("curvature", curvature, Interval)
+    optional("acceleration", acceleration, Interval)
+    margin, margin_per_metre = number("margin", margin, "1/s"), number("margin_per_metre", margin_per_metre, "1/m")
     # below β̲ the demand fades as a tube's certificate does; along a segment the two may differ, so there it only asks
     inner = funnel.inner if np.isinf(funnel.duration) else funnel.beta_lower
 
@@ -148,6 +158,13 @@ def descent_at(
     Arrays of equal length pass as scalars, in the reference too, whose fields share one shape. In a tube θ has no
     influence.
     """
+    objects(
+        vehicle=(vehicle, Vehicle),
+        template=(template, Template),
+        numbers=(numbers, LawNumbers),
+        reference=(reference, ReferencePoint),
+    )
+    x, (theta,) = scalars("x", x, vehicle.state_names), scalars("theta", [theta], ["theta"])
     states, count = range(len(x)), len(vehicle.input_names) + 1
     half_gradient = [sum(numbers.shape[i, j] * x[j] for j in states) for i in states]
     q = sum(half_gradient[i] * x[i] for i in states)
@@ -215,5 +232,6 @@ def path_point(curvature: Scalar, speed: Scalar, acceleration: Scalar = 0.0) -> 
 
     Scalars, or arrays of equal length. κ counts as constant around the point: no tube depends on its slope.
     """
-    kappa, v, a = jnp.broadcast_arrays(*(jnp.asarray(value, float) for value in (curvature, speed, acceleration)))
+    given = scalars("path_point", (curvature, speed, acceleration), ("curvature", "speed", "acceleration"))
+    kappa, v, a = jnp.broadcast_arrays(*(jnp.asarray(value, float) for value in given))
     return ReferencePoint(kappa * v, v, kappa * a, a)

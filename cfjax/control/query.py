@@ -15,8 +15,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
+from cfjax.coerce import array, instances, objects
 from cfjax.errors import InputError
 from cfjax.funnel import Leg, Template
+from cfjax.funnel.funnel import require_fit
 from cfjax.problem import Path, Problem, Vehicle, to_deviation
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 
@@ -46,14 +48,14 @@ def locate(problem: Problem, legs: Sequence[Leg], states: ArrayLike) -> Located:
     Raises:
         InputError: for a tube, which has no places, and for states of another shape or that are not finite.
     """
+    objects(problem=(problem, Problem))
+    legs = instances("legs", legs, Leg)
     if problem.path.tube:
         raise InputError(f"path {problem.path.name}: expected segments, got a tube, which has no places")
-    states = np.asarray(states, float)
-    if states.ndim != 2 or states.shape[1] != problem.dimension or not len(states):
-        names = ", ".join(problem.vehicle.state_names)
-        raise InputError(f"states: expected rows ({names}), got shape {states.shape}")
-    if not np.isfinite(states).all():
-        raise InputError("states: expected finite numbers")
+    states = array("states", states, (None, problem.dimension))
+    if not legs:
+        raise InputError("legs: expected at least one, got none")
+    require_fit(problem, [leg.funnel for leg in legs])
     profiles, poses = _course(problem.path, problem.side_slip)
     begins = [0.0, *(leg.end for leg in legs)]
     found = []

@@ -28,6 +28,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
+from cfjax.coerce import array, instance, number, whole
 from cfjax.demonstrator.ddp import rollout
 from cfjax.demonstrator.pool import Solved, solve_all
 from cfjax.demonstrator.task import Task, Weights, piece_of, resting, task_of, weights_of
@@ -55,7 +56,8 @@ def horizon_of(problem: Problem, steps: int = 20) -> Horizon:
 
     No step is longer than `LONGEST`, and the horizon no longer than the path.
     """
-    if bounds := problem.path.tube:
+    steps = whole("steps", steps, 1)
+    if bounds := instance("problem", problem, Problem).path.tube:
         fastest, duration = bounds.speed.upper, np.inf
     else:
         curve = problem.path.curve
@@ -112,17 +114,18 @@ def demonstrate(
         InputError: for shapes that do not fit, numbers that are not finite, a θ before the path, and weights that are
             not symmetric and positive semidefinite.
     """
-    n, m = problem.dimension, len(problem.inputs)
-    start = _array("x", x, (None, n))
+    n, m = instance("problem", problem, Problem).dimension, len(problem.inputs)
+    start = array("x", x, (None, n))
     count = start.shape[0]
-    along = np.zeros(count) if theta is None else _array("theta", theta, (count,))
+    along = np.zeros(count) if theta is None else array("theta", theta, (count,))
     if (along < 0).any():
         raise InputError(f"theta: expected no θ before the path's beginning at 0 s, got {along.min():g}")
-    horizon = horizon_of(problem) if horizon is None else horizon
-    if not (isinstance(horizon.steps, int) and horizon.steps >= 1 and 0 < horizon.step < np.inf):
-        raise InputError(f"horizon: expected at least one step of a positive finite length, got {tuple(horizon)}")
-    guess = None if warm is None else jnp.asarray(_array("warm", warm, (count, horizon.steps, m)))
-    weights = weights_of(problem) if weights is None else weights
+    horizon = horizon_of(problem) if horizon is None else instance("horizon", horizon, Horizon)
+    horizon = Horizon(whole("horizon.steps", horizon.steps, 1), number("horizon.step", horizon.step, "s", above=0))
+    tolerance = number("tolerance", tolerance, above=0)
+    most_iterations = whole("most_iterations", most_iterations, 1)
+    guess = None if warm is None else jnp.asarray(array("warm", warm, (count, horizon.steps, m)))
+    weights = weights_of(problem) if weights is None else instance("weights", weights, Weights)
     for name, matrix, size in (
         ("state", weights.state, n),
         ("effort", weights.effort, m),
@@ -136,20 +139,8 @@ def demonstrate(
     return _demonstrated(problem.vehicle, task, begin, jnp.asarray(along), solved)
 
 
-def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> np.ndarray:
-    array = np.asarray(value, float)
-    expected = " × ".join("k" if size is None else str(size) for size in shape)
-    if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
-        raise InputError(f"{name}: expected an array of shape {expected}, got {' × '.join(map(str, array.shape))}")
-    if not np.isfinite(array).all():
-        raise InputError(f"{name}: expected finite numbers, got {np.sum(~np.isfinite(array))} that are not")
-    if array.shape[0] == 0:
-        raise InputError(f"{name}: expected at least one row, got none")
-    return array
-
-
 def _weight(name: str, value: ArrayLike, size: int) -> None:
-    matrix = _array(name, value, (size, size))
+    matrix = array(name, value, (size, size))
     least, largest = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0], np.abs(matrix).max()
     if np.abs(matrix - matrix.T).max() > ROUNDED * largest:
         raise InputError(f"{name}: expected a symmetric matrix, got entries that differ from their mirror images")

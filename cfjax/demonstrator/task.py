@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cfjax.coerce import number, objects
 from cfjax.demonstrator.box import applied, dot, keep
 from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
 from cfjax.problem.course import Pieces, point_at, profiles_of
@@ -34,6 +35,8 @@ def weights_of(problem: Problem, effort: float = 0.1, terminal: float = 1.0) -> 
     `effort` is what a half-width of an input costs beside a half-axis of I; `terminal` (s) is how long a deviation at
     the horizon's end counts. An input that has no choice costs nothing.
     """
+    effort, terminal = number("effort", effort, least=0), number("terminal", terminal, "s", least=0)
+    objects(problem=(problem, Problem))
     half = np.array([interval.half for interval in problem.inputs])
     squares = np.divide(effort, half**2, out=np.zeros_like(half), where=half > 0)
     state = jnp.asarray(problem.inlet.shape)

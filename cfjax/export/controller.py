@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from decimal import ROUND_FLOOR
 from importlib import resources
 from itertools import product
+from os import PathLike
 from pathlib import Path
 from string import Template as Text
 from typing import NamedTuple
@@ -20,6 +21,7 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.check.rational import decimal_text
+from cfjax.coerce import file, instance
 from cfjax.control.law import LAW_SHARE, leg_numbers
 from cfjax.errors import InputError
 from cfjax.export.graph_c import dynamics, number, straight
@@ -42,13 +44,13 @@ class Sources(NamedTuple):
     source: str
 
 
-def write_controller(result: Result, folder: Path) -> list[Path]:
+def write_controller(result: Result, folder: str | PathLike[str]) -> list[Path]:
     """Write header and source into `folder`, each whole or not at all; returns their paths.
 
     Raises:
         InputError: where the run has no controller; see `sources_of`.
     """
-    sources = sources_of(result)
+    sources, folder = sources_of(result), file("folder", folder)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in ((SOURCE, sources.source), (HEADER, sources.header)):
         write_whole(folder / name, text.encode("ascii"))
@@ -62,6 +64,7 @@ def sources_of(result: Result) -> Sources:
         InputError: where the run is not certified, where it is of a tube alone, or where C has not what the vehicle
             needs.
     """
+    instance("result", result, Result)
     if result.verdict is not Verdict.CERTIFIED or result.document is None:
         raise InputError(f"export: expected a certified run, got one that is {result.verdict.value}")
     if result.problem.path.tube:

@@ -14,9 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from cfjax.coerce import choice, instances, objects, refuse, whole
 from cfjax.falsifier.duel import Outcome, Particles, Schedule, duel, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import shell_points
+from cfjax.funnel.funnel import require_fit
 from cfjax.funnel.instance import Chain, Clearance, Stretch, Unit, chain_of, instance_of
 from cfjax.problem import Path, Problem, Segment, Tube, Vehicle
 
@@ -99,6 +101,14 @@ def _without_nan(margins: Float[np.ndarray, "r f k"]) -> Float[np.ndarray, "r f 
     return np.where(lost, np.where(lost.all(axis=(1, 2), keepdims=True), -np.inf, np.inf), margins)
 
 
+def require_question(problem: Problem, segment: Segment | Tube, funnel: Funnel) -> None:
+    """Raises InputError unless the segment is one of the problem's path, and the funnel is of its states."""
+    objects(problem=(problem, Problem), funnel=(funnel, Funnel))
+    if not isinstance(segment, Segment | Tube) or segment not in problem.path.distinct:
+        refuse("segment", "one of problem.path.distinct", segment)
+    require_fit(problem, [funnel])
+
+
 def falsify(
     problem: Problem,
     segment: Segment | Tube,
@@ -113,6 +123,9 @@ def falsify(
     (d) is searched `rounds` times by at least 512 particles; of a tube, at all its extreme references, along a segment
     that varies, at its stations.
     """
+    require_question(problem, segment, funnel)
+    seed, rounds = whole("seed", seed, 0), whole("rounds", rounds, 1)
+    unit = choice("unit", unit, Unit)
     alone = replace(problem, path=Path(problem.path.name, (segment,)))  # its sets are told apart below
     chain = chain_of(alone, funnel.template, funnel.beta_lower, funnel.beta_inner, unit)
     here = instance_of(problem, segment, funnel.template, funnel.beta_lower, funnel.beta_inner)
@@ -162,6 +175,8 @@ def stretch_margins(
     What a proof of the stretch can show at most, and nearly what it does show. One program for every call with as many
     stretches.
     """
+    require_question(problem, segment, funnel)
+    stretches, seed = instances("stretches", stretches, Stretch), whole("seed", seed, 0)
     levels = funnel.beta_lower, funnel.beta_inner
     instance = instance_of(problem, segment, funnel.template, *levels, stretches=stretches)
     chain = Chain(jax.tree.map(lambda values: np.asarray(values)[None], instance), np.zeros((0, 2), int))

@@ -12,6 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cfjax.coerce import number, whole
+from cfjax.falsifier.falsifier import require_question
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Path, Problem, ReferencePoint, Segment, Tube, Vehicle, deviation_rate
 from cfjax.problem.course import Pieces, point_at, profiles_of
@@ -37,6 +39,10 @@ def first_escape(
     The law is one that reaches V̇ ≤ −decrease (1/s) on the shell; in a tube V̇ ≤ −decrease_per_metre v_r as well, both
     for every curvature and acceleration, between whose ends the path jumps as is worst.
     """
+    require_question(problem, segment, funnel)
+    decrease, horizon = number("decrease", decrease, "1/s"), number("horizon", horizon, "s", above=0)
+    decrease_per_metre = number("decrease_per_metre", decrease_per_metre, "1/m")
+    seed, trials = whole("seed", seed, 0), whole("trials", trials, KEPT)
     rng = np.random.default_rng(seed)
     lower, upper = (np.array([getattr(box, end) for box in problem.inputs]) for end in ("lower", "upper"))
     unit = np.linalg.inv(np.linalg.cholesky(funnel.shape)).T

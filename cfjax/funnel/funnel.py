@@ -1,35 +1,68 @@
 """A funnel: one member of a template on one segment, with numbers."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from cfjax.coerce import array, instance, keep, number, real, refuse
 from cfjax.errors import InputError
 from cfjax.funnel.template import Template
+from cfjax.problem import Problem
 from cfjax.problem.vehicle import Scalar
+
+
+def inner_level(value: object, beta_lower: float) -> float | None:
+    """β_in; None where no lower level than β̲ is wanted.
+
+    Raises:
+        InputError: unless it is above 0 and at most β̲.
+    """
+    if value is None:
+        return None
+    level = real(value)
+    if level is None or not 0 < level <= beta_lower:
+        refuse("beta_inner", f"a number above 0 and at most beta_lower = {beta_lower}", value)
+    return level
 
 
 @dataclass(frozen=True)
 class Funnel:
-    """Candidate or proven control funnel function on one segment: V(θ, x) of `template` with q = xᵀ C x, β = 1."""
+    """Candidate or proven control funnel function on one segment: V(θ, x) of `template` with q = xᵀ C x, β = 1.
+
+    Args:
+        template: the family of V.
+        shape: C (n, n), symmetric positive definite; units: 1 over those of the states, squared.
+        rate: c0 or k, 1/s.
+        duration: T, s; infinite for a tube, whose rate is zero.
+        beta_lower: the shell on which V decreases at λ is beta_lower ≤ V ≤ 1.
+        beta_inner: below, down to here, V decreases at λ V / beta_lower; None: no further.
+
+    Raises:
+        InputError: for values that are none of these.
+    """
 
     template: Template
-    shape: Float[np.ndarray, "n n"]  # C, symmetric positive definite; units: 1 over those of the states, squared
-    rate: float  # c0 or k, 1/s
-    duration: float  # T, s; infinite for a tube, whose rate is zero
-    beta_lower: float = 0.9  # the shell on which V decreases at λ is beta_lower ≤ V ≤ 1
-    beta_inner: float | None = None  # below, down to here, it decreases at λ V / beta_lower; None: no further
+    shape: Float[np.ndarray, "n n"]
+    rate: float
+    duration: float
+    beta_lower: float = 0.9
+    beta_inner: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.beta_lower < 1:
-            raise InputError(f"beta_lower: expected a number between 0 and 1, got {self.beta_lower}")
-        if self.beta_inner is not None and not 0 < self.beta_inner <= self.beta_lower:
-            raise InputError(
-                f"beta_inner: expected a number above 0 and at most beta_lower = {self.beta_lower}, "
-                f"got {self.beta_inner}"
-            )
-        if np.isinf(self.duration) and self.rate:
+        instance("funnel.template", self.template, Template)
+        endless = real(self.duration) == math.inf
+        keep(
+            self,
+            shape=array("funnel.shape", self.shape, (None, None)),
+            rate=number("funnel.rate", self.rate, "1/s"),
+            duration=math.inf if endless else number("funnel.duration", self.duration, "s", above=0),
+            beta_lower=number("beta_lower", self.beta_lower, above=0, below=1),
+            beta_inner=inner_level(self.beta_inner, self.beta_lower),
+        )
+        if endless and self.rate:
             raise InputError(f"funnel: expected rate 0 for a tube, which has no end, got {self.rate}")
         if self.shape.shape != self.shape.T.shape or not np.allclose(self.shape, self.shape.T, rtol=0, atol=1e-12):
             raise InputError("funnel: expected a symmetric matrix C")
@@ -72,3 +105,13 @@ class Funnel:
         |∂q/∂x_i| ≤ 2 √(C_ii q), and V̇ = σ (q̇ + …) with σ q ≤ σ ρ: at θ = 0, where V = q, λ buys λ / (2 √C_ii).
         """
         return margin / (2 * np.sqrt(np.diag(self.shape)))
+
+
+def require_fit(problem: Problem, funnels: Sequence[Funnel]) -> None:
+    """Raises InputError unless the funnels are of the problem's states."""
+    for funnel in funnels:
+        if funnel.dimension != problem.dimension:
+            names = ", ".join(problem.vehicle.state_names)
+            raise InputError(
+                f"funnel: expected C of {problem.dimension} states ({names}), got one of {funnel.dimension}"
+            )

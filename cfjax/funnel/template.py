@@ -27,7 +27,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from cfjax.errors import InputError
+from cfjax.coerce import one_of
 from cfjax.problem.vehicle import Scalar
 
 
@@ -156,6 +156,4 @@ TEMPLATES: dict[str, Template] = {template.name: template for template in (Contr
 
 def template_named(name: str) -> Template:
     """The template of that name; raises InputError with the list of names."""
-    if name not in TEMPLATES:
-        raise InputError(f"template: expected one of {', '.join(TEMPLATES)}, got {name}")
-    return TEMPLATES[name]
+    return TEMPLATES[one_of("template", name, TEMPLATES)]

@@ -12,10 +12,12 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from cfjax.coerce import number, objects, whole
 from cfjax.falsifier.duel import Particles, Schedule, duel, ridge_coordinates, spawn
 from cfjax.falsifier.falsifier import GROUPS, SEARCH, Suspect, falsify, group_size, hunt, margin_scale
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import chain_excess, dual_coordinates
+from cfjax.funnel.funnel import inner_level
 from cfjax.funnel.instance import Chain, Instance, Unit, chain_of
 from cfjax.problem import Method, Problem
 
@@ -71,6 +73,10 @@ def learn(
     from the solution of trajectory tracking too (unless `tracking` is false), so that it is never behind it. `warm` are
     funnels to start from, `counterexamples` are points that the particles of every candidate start from.
     """
+    objects(problem=(problem, Problem), template=(template, Template))
+    beta_lower = number("beta_lower", beta_lower, above=0, below=1)
+    beta_inner = inner_level(beta_inner, beta_lower)
+    candidates, seed = whole("candidates", candidates, 1), whole("seed", seed, 0)
     chain = chain_of(problem, template, beta_lower, beta_inner, Unit.BALANCED)
     duration = np.asarray(chain.funnels.duration)
     rng = np.random.default_rng(seed)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cfjax.coerce import number, objects, refuse
 from cfjax.funnel import LATERAL, Objective, Template, lateral_half_width
 from cfjax.learner.gradient import Learned, learn
 from cfjax.problem import Box, Ellipsoid, Problem
@@ -35,7 +36,14 @@ def learn_for(
 
     The problem is the one given but for `inlet`, which enlarges I. Where the target is out of reach the funnel of the
     largest margin comes back. `options` are those of `cfjax.learner.gradient.learn`.
+
+    Raises:
+        InputError: for a target with an objective that has none.
     """
+    objects(objective=(objective, Objective), problem=(problem, Problem), template=(template, Template))
+    target = None if target is None else number("target", target, "1/s", above=0)
+    if target is not None and objective.kind == "margin":
+        refuse("target", "None with objective=margin, which seeks the largest", target)
     report = progress or (lambda done, of: None)
     steps = 0 if target is None else STEPS
     first = learn(problem, template, progress=lambda done, of: report(done, of + steps), **options)

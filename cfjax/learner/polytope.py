@@ -26,10 +26,12 @@ from collections.abc import Callable, Sequence
 import jax.numpy as jnp
 import numpy as np
 
+from cfjax.coerce import number, numbers, objects, whole
 from cfjax.errors import InputError
 from cfjax.falsifier.falsifier import falsify
 from cfjax.funnel import Template
 from cfjax.funnel.conditions import CLEAR, chain_excess
+from cfjax.funnel.funnel import inner_level
 from cfjax.funnel.instance import Chain, Unit, chain_of
 from cfjax.funnel.template import Paper
 from cfjax.learner.coefficients import GAP, Coordinates
@@ -71,6 +73,10 @@ def learn_polytope(
         InputError: for a tube or a chain of several distinct segments, a reference that touches an obstacle, and
             demonstrations that are no inputs.
     """
+    objects(problem=(problem, Problem), template=(template, Template), how=(how, Elimination))
+    beta_lower = number("beta_lower", beta_lower, above=0, below=1)
+    beta_inner = inner_level(beta_inner, beta_lower)
+    seed, changes = whole("seed", seed, 0), numbers("changes", changes)
     chain = _chain(problem, template, beta_lower, beta_inner)
     if demonstrate is None and not how.revise:
         raise InputError("polytope.demonstrations: expected revised where no demonstrator is given")

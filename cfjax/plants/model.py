@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from cfjax.coerce import one_of
 from cfjax.errors import InputError
-from cfjax.plants.plant import Plant, Scene, number
+from cfjax.plants.plant import Plant, Scene, number, vehicle_of
 from cfjax.problem import KinematicBicycle, Vehicle
 
 
@@ -42,7 +43,7 @@ def world_rate(vehicle: Vehicle, state: Float[Array, " n"], inputs: tuple[Array,
 class Model(Plant):
     """The vehicle itself; one with other numbers than the controller's is a mismatch."""
 
-    vehicle: Vehicle = eqx.field(static=True)
+    vehicle: Vehicle = eqx.field(static=True, converter=vehicle_of)
 
     @property
     def longest_step(self) -> float:
@@ -65,9 +66,7 @@ class Model(Plant):
 
 def _kind_number(kind: Kind) -> Array:
     """Its place among KINDS: an array, so that one program drives all of them."""
-    if kind not in KINDS:
-        raise InputError(f"plant: expected a disturbance of kind {', '.join(KINDS)}, got {kind}")
-    return jnp.asarray(KINDS.index(kind))
+    return jnp.asarray(KINDS.index(one_of("plant.kind", kind, KINDS)))
 
 
 class Disturbed(Plant):
@@ -78,7 +77,7 @@ class Disturbed(Plant):
     most.
     """
 
-    vehicle: Vehicle = eqx.field(static=True)
+    vehicle: Vehicle = eqx.field(static=True, converter=vehicle_of)
     bound: Float[Array, " n"] = eqx.field(converter=number)  # rad/s, m/s, m/s, unit of ξ per second
     kind: Int[Array, ""] = eqx.field(converter=_kind_number)  # of KINDS
     hold: Float[Array, ""] = eqx.field(converter=number, default=0.1)  # s

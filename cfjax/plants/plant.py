@@ -16,13 +16,28 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from cfjax.coerce import instance, numbers, objects, real
+from cfjax.coerce import number as finite
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
 
 
 def number(value: Any) -> Array:
-    """An array: what is changed from run to run must not be compiled in."""
-    return jnp.asarray(value, float)
+    """An array: what is changed from run to run must not be compiled in.
+
+    Raises:
+        InputError: for what is no number, and no array of numbers.
+    """
+    if isinstance(value, Array):
+        return jnp.asarray(value, float)
+    if real(value) is None:
+        return jnp.asarray(numbers("plant", value, "a number or a list of numbers"), float)
+    return jnp.asarray(finite("plant", value), float)
+
+
+def vehicle_of(value: Any) -> Vehicle:
+    """A vehicle; raises InputError for anything else."""
+    return instance("vehicle", value, Vehicle)
 
 
 class Scene(NamedTuple):
@@ -65,6 +80,7 @@ def bicycle(vehicle: Vehicle, plant: str) -> KinematicBicycle:
     Raises:
         InputError: for any other.
     """
+    objects(vehicle=(vehicle, Vehicle))
     if not isinstance(vehicle, KinematicBicycle):
         raise InputError(f"plant: expected a run of a kinematic_bicycle for {plant}, got one of {vehicle.name}")
     return vehicle

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from cfjax.coerce import refuse, whole
 from cfjax.errors import InputError
 from cfjax.plants.plant import number
 
@@ -49,6 +50,9 @@ class Sensor(eqx.Module):
     def __check_init__(self) -> None:
         if isinstance(self.delay, Tracer):
             return
+        for value in (self.delay, self.jitter, self.drop):
+            if value.ndim:
+                refuse("noise", "one number for delay, jitter and drop each", value)
         lowest = min(float(jnp.min(self.sigma)), float(self.delay), float(self.jitter), float(self.drop))
         if not (lowest >= 0 and float(self.drop) <= 1):
             raise InputError("noise: expected sigma, delay and jitter that are not negative, and a drop from 0 to 1")
@@ -91,4 +95,5 @@ class Sensor(eqx.Module):
 
 def perfect(dimension: int) -> Sensor:
     """The true state, at once."""
-    return Sensor(jnp.zeros(dimension), jnp.zeros(dimension))
+    size = whole("dimension", dimension, 1)
+    return Sensor(jnp.zeros(size), jnp.zeros(size))

@@ -13,12 +13,14 @@ the kinematic one, smoothly, and below `blend_from` it is that. And a tyre gives
 F = μ F_z tanh(C α), unless `saturating` is off.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from cfjax import coerce
 from cfjax.errors import InputError
 from cfjax.plants.plant import Plant, Scene, number
 
@@ -123,6 +125,9 @@ class SingleTrack(Plant):
         return jnp.stack([alpha, x + self.rear * jnp.sin(alpha), y - self.rear * jnp.cos(alpha), forward])
 
 
+FIELDS = {field.name for field in dataclasses.fields(SingleTrack)} - {"saturating"}
+
+
 def single_track(
     wheelbase: float,
     *,
@@ -142,6 +147,9 @@ def single_track(
     Raises:
         InputError: for numbers that are not positive.
     """
+    wheelbase, saturating = coerce.number("wheelbase", wheelbase, "m", above=0), coerce.flag("saturating", saturating)
+    given = {"lag": lag, "steering_rate": rate, **numbers}
+    given = {label: value for label, value in given.items() if value is not None}
     if wheelbase < FULL_SIZE:
         scale = wheelbase / 0.3302
         own: dict[str, float] = {
@@ -158,12 +166,11 @@ def single_track(
         own |= {"inertia": 1791.5995300122856 * scale**2, "height": 0.61373004 * scale, "friction": 1.0489}
         own |= {"front_stiffness": 20.898, "rear_stiffness": 20.898, "lag": 0.1, "steering_rate": 0.4}
         own |= {"blend_from": 0.5, "blend_to": 1.5}
+    stiffness = coerce.number("plant.stiffness", stiffness, above=0)
     own["front_stiffness"] *= stiffness
     own["rear_stiffness"] *= stiffness
-    own |= {"lag": own["lag"] if lag is None else lag, "steering_rate": own["steering_rate"] if rate is None else rate}
-    own |= {label: float(value) for label, value in numbers.items()}
-    for label, value in own.items():
-        if not 0 < value < float("inf"):
-            raise InputError(f"plant: expected a positive {label}, got {value:g}")
+    if unknown := set(given) - FIELDS:
+        raise InputError(f"plant: expected numbers of {', '.join(sorted(FIELDS))}, got {', '.join(sorted(unknown))}")
+    own |= {label: coerce.number(f"plant.{label}", value, above=0) for label, value in given.items()}
     made: dict[str, Any] = {**own, "saturating": saturating}
     return SingleTrack(**made)

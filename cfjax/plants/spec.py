@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cfjax import coerce
 from cfjax.errors import InputError
 from cfjax.plants.commonroad import CommonRoad
 from cfjax.plants.host import HostPlant
@@ -43,7 +44,8 @@ def sensor_named(text: str, vehicle: Vehicle) -> Sensor:
         InputError: says which words and keys there are.
     """
     numbers: Numbers = {}
-    for part in filter(None, (part.strip() for part in text.split(","))):
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    for part in filter(None, (part.strip() for part in coerce.text("noise", text).split(","))):
         if "=" in part:
             key, value = _pair("noise", part)
             if key not in NOISE_KEYS:
@@ -125,9 +127,9 @@ def plant_named(text: str, vehicle: Vehicle) -> Plant | HostPlant:
     Raises:
         InputError: says which plants there are, and which keys this one takes; or what to install for it.
     """
-    name, _, rest = text.partition(":")
-    if name not in PLANTS:
-        raise InputError(f"plant: expected one of {', '.join(PLANTS)}, got {name}")
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    name, _, rest = coerce.text("plant", text).partition(":")
+    coerce.one_of("plant", name, PLANTS)
     make, keys, known = PLANTS[name]
     keys = (*keys, *vehicle.state_names) if name == "disturbed" else keys
     numbers: Numbers = {}

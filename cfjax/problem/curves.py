@@ -24,8 +24,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import PPoly
 
+from cfjax.coerce import Number, whole
 from cfjax.errors import InputError
-from cfjax.problem.path import Path, Pose, Profile, Segment, _positive
+from cfjax.problem.path import Path, Pose, Profile, Segment, length_of, speed_of
 
 
 TOLERANCE = 1e-4  # m between reference and curve at the same arc length: far below any car's precision
@@ -132,7 +133,7 @@ def path_along(name: str, curve: Curve, speed: float | PPoly, *, segments: int =
         InputError: for a speed that is not positive, or a curve that cannot be followed so closely.
     """
     if not isinstance(speed, PPoly):
-        _positive("path", speed=speed)
+        speed = speed_of(speed)
     cuts = np.linspace(0.0, curve.length, segments + 1)
     heading = float(curve.heading(np.array(curve.knots[:1]))[0])
     built = []
@@ -331,12 +332,7 @@ def _turned(path: Path) -> Path:
     return Path(path.name, path.segments + again)
 
 
-def _count(owner: str, label: str, value: int) -> None:
-    if not 1 <= value <= MOST_COUNT or value != int(value):
-        raise InputError(f"{owner}.{label}: expected a whole number from 1 to {MOST_COUNT}, got {value}")
-
-
-def ellipse(a: float = 2.0, b: float = 1.0, speed: float = 1.0, segments: int = 2, laps: int = 1) -> Path:
+def ellipse(a: Number = 2.0, b: Number = 1.0, speed: Number = 1.0, segments: int = 2, laps: int = 1) -> Path:
     """x²/a² + y²/b² = 1 (half axes in m), counter-clockwise from (a, 0), at constant speed (m/s).
 
     Each lap has so many segments of equal length. With an even number the second half of a lap has the very profiles of
@@ -345,9 +341,8 @@ def ellipse(a: float = 2.0, b: float = 1.0, speed: float = 1.0, segments: int = 
     Raises:
         InputError: for numbers that are not positive.
     """
-    _positive("path", a=a, b=b, speed=speed)
-    _count("path", "segments", segments)
-    _count("path", "laps", laps)
+    a, b, speed = length_of("a", a), length_of("b", b), speed_of(speed)
+    segments, laps = whole("path.segments", segments, 1, MOST_COUNT), whole("path.laps", laps, 1, MOST_COUNT)
     even = segments % 2 == 0
     curve = Curve(
         lambda u: a * np.cos(u) + 1j * b * np.sin(u),
@@ -365,12 +360,17 @@ def ellipse(a: float = 2.0, b: float = 1.0, speed: float = 1.0, segments: int = 
     return Path("ellipse", tuple(chain))
 
 
-def oval(speed: float = 1.0) -> Path:
-    """The paper's oval x²/4 + y² = 1 (m), counter-clockwise from (2, 0), in two halves with one profile."""
+def oval(speed: Number = 1.0) -> Path:
+    """The paper's oval x²/4 + y² = 1 (m), counter-clockwise from (2, 0), in two halves with one profile, at constant
+    speed (m/s).
+
+    Raises:
+        InputError: for a speed that is not positive.
+    """
     return replace(ellipse(2.0, 1.0, speed), name="oval")
 
 
-def figure_eight(size: float = 2.0, speed: float = 1.0) -> Path:
+def figure_eight(size: Number = 2.0, speed: Number = 1.0) -> Path:
     """Bernoulli's lemniscate, from −size to size (m) in x, at constant speed (m/s): one lap from the crossing.
 
     Curvature is 3r/size² at distance r from the crossing, so at most 3/size. The right lobe comes first,
@@ -379,7 +379,7 @@ def figure_eight(size: float = 2.0, speed: float = 1.0) -> Path:
     Raises:
         InputError: for numbers that are not positive.
     """
-    _positive("path", size=size, speed=speed)
+    size, speed = length_of("size", size), speed_of(speed)
     curve = Curve(
         lambda u: size * np.cos(u) / (1 - 1j * np.sin(u)),
         lambda u: size * 1j * (1 + 1j * np.sin(u)) / (1 - 1j * np.sin(u)) ** 2,
@@ -392,7 +392,7 @@ def figure_eight(size: float = 2.0, speed: float = 1.0) -> Path:
     return Path("figure_eight", (right, _mirrored(right, Pose(3 * math.pi / 4, 0.0, 0.0))))
 
 
-def slalom(length: float = 12.0, amplitude: float = 0.5, periods: int = 3, speed: float = 1.0) -> Path:
+def slalom(length: Number = 12.0, amplitude: Number = 0.5, periods: int = 3, speed: Number = 1.0) -> Path:
     """y = amplitude · sin(2π periods x/length) for x from 0 to length (m), at constant speed (m/s).
 
     One segment for each half wave, in turns bit by bit mirror images. Curvature is at most amplitude (2π
@@ -401,8 +401,8 @@ def slalom(length: float = 12.0, amplitude: float = 0.5, periods: int = 3, speed
     Raises:
         InputError: for numbers that are not positive.
     """
-    _positive("path", length=length, amplitude=amplitude, speed=speed)
-    _count("path", "periods", periods)
+    length, amplitude, speed = length_of("length", length), length_of("amplitude", amplitude), speed_of(speed)
+    periods = whole("path.periods", periods, 1, MOST_COUNT)
     k = 2 * math.pi * periods / length
     half = length / (2 * periods)
     curve = Curve(
@@ -420,9 +420,13 @@ def slalom(length: float = 12.0, amplitude: float = 0.5, periods: int = 3, speed
     return Path("slalom", tuple(chain))
 
 
-def obstacle_path(speed: float = 2.0) -> Path:
+def obstacle_path(speed: Number = 2.0) -> Path:
     """Around the paper's obstacle at the origin: y = 0.4 (1 + cos(π x/1.5)) for x from −1.5 to 1.5 m, at constant speed
-    (m/s)."""
+    (m/s).
+
+    Raises:
+        InputError: for a speed that is not positive.
+    """
     k = math.pi / 1.5
     curve = Curve(
         lambda u: u + 0.4j * (1 + np.cos(k * u)),
@@ -430,4 +434,4 @@ def obstacle_path(speed: float = 2.0) -> Path:
         lambda u: -0.4j * k**2 * np.cos(k * u),
         (-1.5, 0.0, 1.5),
     )
-    return path_along("obstacle", curve, speed)
+    return path_along("obstacle", curve, speed_of(speed))

@@ -11,13 +11,14 @@ With the pose deviation p = R(α_r) p_R + p_r, α = α_R + α_r and the internal
 """
 
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cfjax import coerce
 from cfjax.problem.vehicle import Scalar, Vehicle
 
 
@@ -41,14 +42,40 @@ class ReferencePoint(NamedTuple):
     speed_slope: Scalar = 0.0  # dv_r/dθ, m/s²
 
 
+FIELDS = ReferencePoint._fields
+
+
+def scalars(name: str, value: Any, names: "Sequence[str]") -> tuple[Scalar, ...]:
+    """Scalars of these names, numbers or (traced) arrays of one shape, in a list, a tuple or an array.
+
+    Raises:
+        InputError: for anything else.
+    """
+    entries = tuple(value) if isinstance(value, list | tuple) or getattr(value, "ndim", 0) else None
+    if entries is None or len(entries) != len(names) or not all(map(_is_scalar, entries)):
+        coerce.refuse(name, f"{len(names)} numbers ({', '.join(names)}), or arrays of equal length", value)
+    return tuple(entry if hasattr(entry, "dtype") else coerce.real(entry) for entry in entries)
+
+
+def _is_scalar(value: object) -> bool:
+    kind = getattr(getattr(value, "dtype", None), "kind", None)
+    return coerce.real(value) is not None if kind is None else kind in ("i", "u", "f")
+
+
+def _point(reference: object) -> ReferencePoint:
+    return ReferencePoint(*scalars("reference", coerce.instance("reference", reference, ReferencePoint), FIELDS))
+
+
 def deviation_rate(vehicle: Vehicle, x: "Sequence", inputs: "Sequence", reference: ReferencePoint) -> tuple:
     """Time derivative of the deviation (α_R, x_R, y_R, ξ_R…): rad/s, m/s, m/s, unit of ξ per second.
 
     `x` has one scalar per `vehicle.state_names`, `inputs` is (u0, *vehicle inputs). Scalars in, scalars out; arrays of
     equal length pass as scalars too, for a whole batch at once.
     """
-    alpha, px, py, *internal = x
-    u0, *u = inputs
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    alpha, px, py, *internal = scalars("x", x, vehicle.state_names)
+    u0, *u = scalars("inputs", inputs, ("u0", *vehicle.input_names))
+    reference = _point(reference)
 
     def internal_reference(turn_rate: Scalar, speed: Scalar) -> list:
         return [jnp.asarray(value, float) for value in vehicle.reference(turn_rate, speed)[1]]
@@ -76,8 +103,10 @@ def to_deviation(vehicle: Vehicle, state: "Sequence", pose: "Sequence", point: R
     `state` is (α, x, y, ξ…): heading in rad, position in m, internal states; `pose` (α_r, x_r, y_r) is the
     reference's. Headings wrap: α_R lies in [−π, π).
     """
-    alpha, x, y, *internal = state
-    alpha_r, x_r, y_r = pose
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    alpha, x, y, *internal = scalars("state", state, vehicle.state_names)
+    alpha_r, x_r, y_r = scalars("pose", pose, ("alpha", "x", "y"))
+    point = _point(point)
     c, s = jnp.cos(alpha_r), jnp.sin(alpha_r)
     reference = vehicle.reference(point.turn_rate, point.speed)[1]
     return (
@@ -90,8 +119,10 @@ def to_deviation(vehicle: Vehicle, state: "Sequence", pose: "Sequence", point: R
 
 def to_state(vehicle: Vehicle, x: "Sequence", pose: "Sequence", point: ReferencePoint) -> tuple:
     """The inertial state (α, x, y, ξ…) at a deviation from the reference: the inverse of `to_deviation`."""
-    alpha, px, py, *internal = x
-    alpha_r, x_r, y_r = pose
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    alpha, px, py, *internal = scalars("x", x, vehicle.state_names)
+    alpha_r, x_r, y_r = scalars("pose", pose, ("alpha", "x", "y"))
+    point = _point(point)
     c, s = jnp.cos(alpha_r), jnp.sin(alpha_r)
     reference = vehicle.reference(point.turn_rate, point.speed)[1]
     return (
@@ -102,7 +133,6 @@ def to_state(vehicle: Vehicle, x: "Sequence", pose: "Sequence", point: Reference
     )
 
 
-@partial(jax.jit, static_argnames="vehicle")
 def affine_deviation(
     vehicle: Vehicle, x: Float[Array, " n"], reference: ReferencePoint
 ) -> tuple[Float[Array, " n"], Float[Array, "n m"]]:
@@ -111,7 +141,15 @@ def affine_deviation(
     Returns:
         f of shape (n,) and g of shape (n, 1 + number of vehicle inputs); column 0 belongs to the timing law.
     """
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    scalars("x", x, vehicle.state_names)
+    return _affine(vehicle, jnp.asarray(x, float), _point(reference))
 
+
+@partial(jax.jit, static_argnames="vehicle")
+def _affine(
+    vehicle: Vehicle, x: Float[Array, " n"], reference: ReferencePoint
+) -> tuple[Float[Array, " n"], Float[Array, "n m"]]:
     count = 1 + len(vehicle.input_names)
 
     def rate(*inputs: float) -> Array:
@@ -163,6 +201,8 @@ def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ..
     a linear algebra library: normal equations, eliminated as they stand. An input whose column depends on those before
     it stays at zero.
     """
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    reference = _point(reference)
     count = len(vehicle.input_names)
     origin = (0.0,) * len(vehicle.state_names)
 

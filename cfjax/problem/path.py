@@ -5,6 +5,7 @@ needed for pictures, for files and by a car that knows where it is. θ is the ti
 at rate u0 along the clock.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -13,10 +14,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import PPoly
 
+from cfjax.coerce import Number, Numbers, instance, instances, keep, listed, number, numbers, real, refuse, text
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint
-from cfjax.problem.tube import Tube
-from cfjax.problem.vehicle import Interval
+from cfjax.problem.tube import FASTEST, Tube
+from cfjax.problem.vehicle import Interval, interval
 
 
 MEETS = 1e-9  # rad, m and m/s: what is left of them in floating point where one stretch joins another
@@ -40,7 +42,15 @@ class Profile:
     breaks: tuple[float, ...]
     coefficients: tuple[tuple[float, ...], ...]
 
-    def __post_init__(self) -> None:
+    def __init__(self, breaks: Numbers, coefficients: Sequence[Numbers] | np.ndarray) -> None:
+        rows = listed(coefficients)
+        if rows is None:
+            refuse("profile", "a list of coefficients, one list for each piece", coefficients)
+        keep(
+            self,
+            breaks=numbers("profile", breaks, "finite breaks and coefficients"),
+            coefficients=tuple(numbers("profile", row, "finite breaks and coefficients") for row in rows),
+        )
         if not all(self.coefficients) or not self.coefficients:
             raise InputError("profile: expected at least one piece, and a coefficient in each")
         if len(self.breaks) != len(self.coefficients) + 1 or not all(np.diff(self.breaks) > 0):
@@ -48,12 +58,11 @@ class Profile:
                 f"profile: expected increasing breaks, one more than pieces; got {len(self.breaks)} breaks and "
                 f"{len(self.coefficients)} pieces"
             )
-        if not np.all(np.isfinite(np.concatenate([self.breaks, *self.coefficients]))):
-            raise InputError("profile: expected finite breaks and coefficients")
 
     @classmethod
-    def constant(cls, value: float, duration: float) -> "Profile":
-        return cls((0.0, float(duration)), ((float(value),),))
+    def constant(cls, value: Number, duration: Number) -> "Profile":
+        """One value all along, for a duration (s)."""
+        return cls((0.0, number("duration of a profile", duration, "s", above=0)), ((number("profile", value),),))
 
     @property
     def is_constant(self) -> bool:
@@ -71,13 +80,20 @@ class Profile:
 
 @dataclass(frozen=True)
 class Segment:
-    """One stretch of reference, θ ∈ [0, duration]."""
+    """One stretch of reference, θ ∈ [0, duration].
+
+    Raises:
+        InputError: where turning rate and speed are no profiles of one duration, or the start is no pose.
+    """
 
     turn_rate: Profile  # ω_r = dα_r/dθ, rad/s
     speed: Profile  # v_r, m/s
     start: Pose
 
     def __post_init__(self) -> None:
+        instance("segment.turn_rate", self.turn_rate, Profile)
+        instance("segment.speed", self.speed, Profile)
+        keep(self, start=Pose(*numbers("segment.start", self.start, "a pose (heading in rad, x and y in m)", count=3)))
         omega, speed = self.turn_rate.breaks, self.speed.breaks
         if omega[-1] != speed[-1] or omega[0] != 0 or speed[0] != 0:
             raise InputError("segment: turn rate and speed need the same range of theta, from 0 to the duration")
@@ -102,7 +118,7 @@ class Segment:
 
     def point(self, theta: float) -> ReferencePoint:
         """Profile at θ (s): turn rate, speed and their slopes."""
-        return self.points(np.array([theta]))[0]
+        return self.points(np.array([number("theta", theta, "s")]))[0]
 
     def points(self, theta: Float[np.ndarray, " n"]) -> list[ReferencePoint]:
         """`point` at each θ (s)."""
@@ -128,13 +144,28 @@ class Segment:
 
 @dataclass(frozen=True)
 class Path:
-    """A named chain of segments, or a tube alone: every path within its bounds."""
+    """A named chain of segments, or a tube alone: every path within its bounds.
+
+    Args:
+        name: for messages and files.
+        segments: in the order in which they are driven; each begins at the pose where the one before ends.
+        source: how the points that it was made of were taken, in one line.
+
+    Raises:
+        InputError: for what are no segments, and for none.
+    """
 
     name: str
     segments: tuple[Segment | Tube, ...]
-    source: str = field(default="", compare=False)  # how the points that it was made of were taken, in one line
+    source: str = field(compare=False)
 
-    def __post_init__(self) -> None:
+    def __init__(self, name: str, segments: Sequence[Segment | Tube], source: str = "") -> None:
+        keep(
+            self,
+            name=text("name of a path", name),
+            segments=instances("segments of a path", segments, Segment, Tube),
+            source=text("source of a path", source),
+        )
         if not self.segments:
             raise InputError(f"path {self.name}: expected at least one segment, got none")
         if len(self.segments) > 1 and any(isinstance(segment, Tube) for segment in self.segments):
@@ -182,50 +213,79 @@ def _course(segment: Segment | Tube) -> object:
     return (segment.turn_rate, segment.speed) if isinstance(segment, Segment) else segment
 
 
-def _positive(owner: str, **values: float) -> None:
-    for label, value in values.items():
-        if not 0 < value < float("inf"):
-            raise InputError(f"{owner}.{label}: expected a positive finite number, got {value}")
+def length_of(label: str, value: object) -> float:
+    """A length of a path's, m; raises InputError unless it is positive."""
+    return number(f"path.{label}", value, "m", above=0)
 
 
-def straight(length: float = 4.0, speed: float = 2.0) -> Path:
-    """Straight line along +x through the origin, from −length/2 to length/2 (m), at constant speed (m/s)."""
-    _positive("path", length=length, speed=speed)
+def speed_of(value: object) -> float:
+    """A path's constant speed, m/s; raises InputError unless it is one of a vehicle."""
+    speed = number("path.speed", value, "m/s", above=0)
+    if speed > FASTEST:
+        raise InputError(f"path.speed: expected m/s, at most {FASTEST:g}, got {speed:g}")
+    return speed
+
+
+def straight(length: Number = 4.0, speed: Number = 2.0) -> Path:
+    """Straight line along +x through the origin, from −length/2 to length/2 (m), at constant speed (m/s).
+
+    Raises:
+        InputError: for numbers that are not positive.
+    """
+    length, speed = length_of("length", length), speed_of(speed)
     duration = length / speed
     start = Pose(-np.pi / 2, -length / 2, 0.0)
     return Path("straight", (Segment(Profile.constant(0.0, duration), Profile.constant(speed, duration), start),))
 
 
-def circle(radius: float = 1.5, speed: float = np.pi / 2, laps: float = 1.0) -> Path:
+def circle(radius: Number = 1.5, speed: Number = np.pi / 2, laps: Number = 1.0) -> Path:
     """Circle about the origin, counter-clockwise from (radius, 0), at constant speed (m/s); radius in m.
 
     The paper prints the heading as π t/3 beside a position that turns at 1 rad/s; both turn at speed/radius here.
+
+    Raises:
+        InputError: for numbers that are not positive.
     """
-    _positive("path", radius=radius, speed=speed, laps=laps)
+    radius, speed, laps = length_of("radius", radius), speed_of(speed), number("path.laps", laps, above=0)
     omega = speed / radius
+    if not omega:
+        raise InputError(
+            f"path: expected a speed and a radius by which a circle turns, got {speed:g} m/s and {radius:g} m"
+        )
     duration = laps * 2 * np.pi / omega
     start = Pose(0.0, radius, 0.0)
     return Path("circle", (Segment(Profile.constant(omega, duration), Profile.constant(speed, duration), start),))
 
 
 def tube(
-    curvature: float | Interval = 1.0, speed: float | Interval = 1.0, acceleration: float | Interval = 0.0
+    curvature: Number | Interval | Numbers = 1.0,
+    speed: Number | Interval | Numbers = 1.0,
+    acceleration: Number | Interval | Numbers = 0.0,
 ) -> Path:
     """Every path within bounds: curvature (1/m), speed (m/s) and acceleration dv_r/dθ (m/s²) in intervals.
 
-    A number stands for ± itself in curvature and acceleration, and for one constant speed.
+    An interval is an `Interval` or its two ends. A number stands for ± itself in curvature and acceleration, and for
+    one constant speed.
+
+    Raises:
+        InputError: for other values, and where a path could stand still or run backwards.
     """
 
-    def interval(label: str, value: float | Interval, lower: float) -> Interval:
-        if isinstance(value, Interval):
-            return value
-        if not 0 <= value < float("inf"):
-            raise InputError(f"path.{label}: expected a finite number that is not negative, got {value}")
-        return Interval(lower * value + 0.0, value)  # no minus zero in files
+    def bounds(label: str, value: object, lower: float, unit: str) -> Interval:
+        name = f"path.{label}"
+        given = listed(value)
+        if given is not None and len(given) == 1:
+            (value,), given = given, None
+        if real(value) is not None:
+            size = number(name, value, unit, least=0)
+            return Interval(lower * size + 0.0, size)  # no minus zero in files
+        if isinstance(value, Interval) or (given is not None and len(given) == 2):
+            return interval(name, value, unit)
+        return refuse(name, f"a number or an interval [lower, upper] ({unit})", value)
 
-    bounds = Tube(
-        interval("curvature", curvature, -1.0),
-        interval("speed", speed, 1.0),
-        interval("acceleration", acceleration, -1.0),
+    within = Tube(
+        bounds("curvature", curvature, -1.0, "1/m"),
+        bounds("speed", speed, 1.0, "m/s"),
+        bounds("acceleration", acceleration, -1.0, "m/s²"),
     )
-    return Path("tube", (bounds,))
+    return Path("tube", (within,))

@@ -2,8 +2,8 @@
 
 import enum
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import jax
@@ -11,6 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cfjax import coerce
+from cfjax.coerce import Number, Numbers
 from cfjax.errors import InputError
 from cfjax.problem.deviation import (
     FEW,
@@ -20,14 +22,15 @@ from cfjax.problem.deviation import (
     feedforward,
     in_batches,
 )
-from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances
+from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances, footprint_of, obstacles_of
 from cfjax.problem.path import Path, Segment
-from cfjax.problem.sets import Box, Ellipsoid, ball
+from cfjax.problem.sets import Box, Ellipsoid, box, ellipsoid
 from cfjax.problem.tube import Tube
-from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Vehicle
+from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Vehicle, interval
 
 
 POSES = 401  # per segment, at which the reference's distance from obstacles is looked at
+TIMING = Interval(0.5, 2.0)  # of u0, unless somebody says another
 FOLLOWS = 1e-9  # relative: inputs that leave less than this of the reference's rate hold the vehicle on it
 PLACES = 201  # per segment, at which what the reference needs is looked at
 
@@ -38,63 +41,104 @@ class Method(enum.Enum):
     PF = "pf"
     TT = "tt"
 
+    @classmethod
+    def _missing_(cls, value: object) -> "Method":
+        return coerce.choice("method", value, cls)
+
 
 @dataclass(frozen=True)
 class Problem:
     """Find a timing law and a feedback law that lead the vehicle along the path: from I to G, inside S, within inputs.
 
+    Deviations (alpha, x, y, v): heading in rad, lateral and longitudinal position in m, speed in m/s, in the body frame
+    of the reference; of a vehicle of one's own its `state_names`.
+
+    Args:
+        path: what to follow: of `cfjax.circle`, `cfjax.waypoints` and the like.
+        inlet: I, where the car may start, at the path's start; of a tube, anywhere. An `Ellipsoid`, or its half-axes,
+            one per state in the state's unit, or a number, the radius of a ball.
+        goal: G, where the car has to end, at the path's end; of a tube, everywhere. As `inlet`.
+        safe: S, where the car has to stay at every θ: a `Box`, or its half-widths, one per state in the state's unit;
+            None for no limit.
+        obstacles: S too: the footprint, wherever the vehicle is, touches none of them. A list of `Disc` and `Polygon`,
+            m, in the frame of the path.
+        footprint: the discs that stand for the vehicle's body, each [radius, offset along the forward axis], m; only
+            obstacles ask for it.
+        vehicle: what drives, with the limits of its inputs.
+        method: "pf", path following, with the timing u0 free; "tt", trajectory tracking, with u0 = 1.
+        timing: the interval of u0 for "pf", [lower, upper] around 1, seconds of reference time per second of the clock;
+            "tt" has none to choose.
+        authority: how far a law may go from what the reference needs towards the inputs' limits, above 0 and at most 1.
+
     Raises:
-        InputError: where the question cannot be asked: wrong dimensions, a reference that the vehicle cannot follow
-            even without deviation, sets that exclude each other.
+        InputError: where the question cannot be asked: values of another kind, wrong dimensions, a reference that the
+            vehicle cannot follow even without deviation, sets that exclude each other.
     """
 
     path: Path
-    inlet: Ellipsoid = field(default_factory=lambda: ball(0.5))  # I, at the path's start; of a tube, anywhere
-    goal: Ellipsoid = field(default_factory=lambda: ball(0.5))  # G, at the path's end; of a tube, everywhere
-    safe: Box | None = None  # S, at every θ
-    obstacles: tuple[Obstacle, ...] = ()  # S too: the footprint, wherever the vehicle is, touches none of them
-    footprint: tuple[FootprintDisc, ...] = (FootprintDisc(),)
-    vehicle: Vehicle = field(default_factory=KinematicBicycle)
-    method: Method = Method.PF
-    timing: Interval = Interval(0.5, 2.0)  # u0 for PF; TT has u0 = 1 whatever stands here
-    authority: float = 1.0  # of the way from what the reference needs to the inputs' limits: how far a law may go
+    inlet: Ellipsoid
+    goal: Ellipsoid
+    safe: Box | None
+    obstacles: tuple[Obstacle, ...]
+    footprint: tuple[FootprintDisc, ...]
+    vehicle: Vehicle
+    method: Method
+    timing: Interval
+    authority: float
 
-    def __post_init__(self) -> None:
-        states = self.vehicle.state_names
-        for label, values in (
-            ("sets.inlet", self.inlet.half_axes),
-            ("sets.goal", self.goal.half_axes),
-            ("sets.safe", self.safe.half_widths if self.safe else states),
-        ):
-            if len(values) != len(states):
-                raise InputError(
-                    f"{label}: expected {len(states)} numbers, one per state ({', '.join(states)}), got {len(values)}"
-                )
-        if self.inlet.half_axes[0] >= np.pi:
-            raise InputError(f"sets.inlet: expected a heading below pi rad, got {self.inlet.half_axes[0]}")
+    def __init__(
+        self,
+        path: Path,
+        inlet: Ellipsoid | Number | Numbers = 0.5,
+        goal: Ellipsoid | Number | Numbers = 0.5,
+        safe: Box | Number | Numbers | None = None,
+        obstacles: Sequence[Obstacle | Mapping] | Numbers = (),
+        footprint: Sequence[FootprintDisc] | Numbers = (FootprintDisc(),),
+        vehicle: Vehicle = KinematicBicycle(),
+        method: Method | str = Method.PF,
+        timing: Interval | Numbers = TIMING,
+        authority: Number = 1.0,
+    ) -> None:
+        states = coerce.instance("vehicle", vehicle, Vehicle).state_names
+        coerce.keep(
+            self,
+            path=coerce.instance("path", path, Path),
+            inlet=ellipsoid("sets.inlet", inlet, states),
+            goal=ellipsoid("sets.goal", goal, states),
+            safe=None if safe is None else box("sets.safe", safe, states),
+            obstacles=obstacles_of(obstacles),
+            footprint=footprint_of(footprint),
+            vehicle=vehicle,
+            method=coerce.choice("method", method, Method),
+            timing=interval("timing", timing),
+            authority=coerce.number("authority", authority, above=0, most=1),
+        )
+        self._check_sets()
+        if self.path.tube:
+            self._check_tube(self.path.tube)
+        self._check_references()
+        self._check_obstacles()
+
+    def _check_sets(self) -> None:
+        states, heading = self.vehicle.state_names, self.inlet.half_axes[0]
+        if heading >= np.pi:
+            degrees = f"; {heading:g} degrees are {np.radians(heading):.4g} rad" if heading < 180 else ""
+            raise InputError(f"sets.inlet: expected a heading below pi rad, got {heading}{degrees}")
         if self.timing.lower <= 0 or 1.0 not in self.timing:
-            raise InputError(
-                f"timing: expected 0 < lower <= 1 <= upper, got [{self.timing.lower}, {self.timing.upper}]"
-            )
+            coerce.refuse("timing", "0 < lower <= 1 <= upper", [self.timing.lower, self.timing.upper])
         if self.safe:
             for state, start, limit in zip(states, self.inlet.half_axes, self.safe.half_widths, strict=True):
                 if start >= limit:
                     raise InputError(
                         f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
                     )
-        if not 0 < self.authority <= 1:
-            raise InputError(f"authority: expected a number above 0 and at most 1, got {self.authority}")
-        for segment in self.path.segments:
-            if isinstance(segment, Tube):
-                for state, start, end in zip(states, self.inlet.half_axes, self.goal.half_axes, strict=True):
-                    if start >= end:
-                        raise InputError(
-                            f"sets.goal: expected more than sets.inlet, {start}, in {state}, for a tube that holds I "
-                            f"and lies in G does not shrink; got {end}"
-                        )
-                self._check_tube(segment)
-        self._check_references()
-        self._check_obstacles()
+        if self.path.tube:
+            for state, start, end in zip(states, self.inlet.half_axes, self.goal.half_axes, strict=True):
+                if start >= end:
+                    raise InputError(
+                        f"sets.goal: expected more than sets.inlet, {start}, in {state}, for a tube that holds I "
+                        f"and lies in G does not shrink; got {end}"
+                    )
 
     @property
     def inputs(self) -> tuple[Interval, ...]:
@@ -103,7 +147,7 @@ class Problem:
         With an `authority` below 1 it is so much smaller, around what the reference needs along the path: inputs that
         stay closer to it change the rate of V less, and may be held longer.
         """
-        timing = Interval(1.0, 1.0) if self.method is Method.TT else self.timing
+        timing = {Method.PF: self.timing, Method.TT: Interval(1.0, 1.0)}[self.method]
         limits = (timing, *self.vehicle.input_box)
         if self.authority == 1:
             return limits
@@ -135,6 +179,7 @@ class Problem:
         Raises:
             InputError: where no inputs do: the reference is no motion of this vehicle.
         """
+        point = ReferencePoint(*coerce.numbers("point", coerce.instance("point", point, ReferencePoint)))
         drift, columns = affine_deviation(self.vehicle, jnp.zeros(self.dimension), point)
         rest = np.asarray(drift + columns[:, 0])
         if not (np.isfinite(rest).all() and np.isfinite(np.asarray(columns)).all()):
@@ -241,13 +286,6 @@ class Problem:
                 f"sets.obstacles: expected none for the vehicle {self.vehicle.name}, which looks "
                 f"{self.side_slip:.4g} rad away from the path's tangent"
             )
-        if not self.footprint:
-            raise InputError("vehicle.footprint: expected at least one disc")
-        for disc in self.footprint:
-            if not (0 <= disc.radius < math.inf and math.isfinite(disc.offset)):
-                raise InputError(
-                    f"vehicle.footprint: expected discs [radius, offset] in m, no radius below zero, got {list(disc)}"
-                )
         if self.obstacles and self.path.tube:
             raise InputError("sets.obstacles: expected none for a tube, which has no place")
         for index, segment in enumerate(self.path.curve if self.obstacles else ()):

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from cfjax.coerce import instance
 from cfjax.problem.deviation import ReferencePoint, deviation_rate
 from cfjax.problem.vehicle import Vehicle
 
@@ -18,12 +19,17 @@ from cfjax.problem.vehicle import Vehicle
 PROBES, TOLERANCE = 16, 1e-9
 
 
-@lru_cache
 def mirror_signs(vehicle: Vehicle) -> tuple[int, ...] | None:
     """Signs M of the states with f(Mx, Nu; −ω_r) = M f(x, u; ω_r) for some signs N of inputs with a symmetric range.
 
     f is the rate of the deviation, ω_r the turning rate of the reference; u0 keeps its sign. None where there are none.
     """
+    instance("vehicle", vehicle, Vehicle)
+    return _mirror_signs(vehicle)
+
+
+@lru_cache
+def _mirror_signs(vehicle: Vehicle) -> tuple[int, ...] | None:
     rng = np.random.default_rng(0)
     size, count = len(vehicle.state_names), 1 + len(vehicle.input_names)
     x, u, reference = (jnp.asarray(rng.normal(size=(PROBES, k))) for k in (size, count, 4))

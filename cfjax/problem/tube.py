@@ -9,9 +9,13 @@ import itertools
 import math
 from dataclasses import dataclass
 
+from cfjax.coerce import Numbers, keep
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint
-from cfjax.problem.vehicle import Interval
+from cfjax.problem.vehicle import Interval, interval
+
+
+FASTEST = 400.0  # m/s: beyond, no car has ever been, and a number is in mm/s
 
 
 @dataclass(frozen=True)
@@ -19,18 +23,29 @@ class Tube:
     """All stretches of path within bounds: curvature in 1/m, speed in m/s, acceleration dv_r/dθ in m/s².
 
     Raises:
-        InputError: where a path could stand still or run backwards.
+        InputError: for what is no interval, and where a path could stand still or run backwards.
     """
 
     curvature: Interval
     speed: Interval
-    acceleration: Interval = Interval(0.0, 0.0)
+    acceleration: Interval
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        curvature: Interval | Numbers,
+        speed: Interval | Numbers,
+        acceleration: Interval | Numbers = Interval(0.0, 0.0),
+    ) -> None:
+        keep(
+            self,
+            curvature=interval("path.curvature", curvature, "1/m"),
+            speed=interval("path.speed", speed, "m/s"),
+            acceleration=interval("path.acceleration", acceleration, "m/s²"),
+        )
         if self.speed.lower <= 0:
-            raise InputError(
-                f"path.speed: expected an interval above zero, got [{self.speed.lower:g}, {self.speed.upper:g}]"
-            )
+            raise InputError(f"path.speed: expected an interval above zero, got {self.speed}")
+        if self.speed.upper > FASTEST:
+            raise InputError(f"path.speed: expected m/s, at most {FASTEST:g}, got {self.speed}")
 
     @property
     def duration(self) -> float:

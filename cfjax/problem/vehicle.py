@@ -11,13 +11,19 @@ into the expression graph on which a proof is built.
 """
 
 import abc
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
+from cfjax.coerce import Number, keep, listed, number, refuse
 from cfjax.errors import InputError
 
+
+SHORTEST_WHEELBASE, LONGEST_WHEELBASE = 0.005, 25.0  # m: beyond, a number is in mm or cm
+MOST_TAN_STEERING = 10.0  # an angle of 84.3 degrees: beyond, a number is an angle in degrees
+MOST_THRUST = 100.0  # m/s², ten times gravity: beyond, a number is a force
 
 Scalar = Any  # a float, a traced JAX scalar or any other number: the definition does not care
 
@@ -32,14 +38,20 @@ class Twist(NamedTuple):
 
 @dataclass(frozen=True)
 class Interval:
-    """A closed interval of real numbers, in the unit of what it bounds."""
+    """A closed interval of real numbers, in the unit of what it bounds.
+
+    Raises:
+        InputError: for ends that are no finite numbers, or the larger one first.
+    """
 
     lower: float
     upper: float
 
-    def __post_init__(self) -> None:
-        if not float("-inf") < self.lower <= self.upper < float("inf"):
-            raise InputError(f"an interval needs finite ends, lower first; got [{self.lower}, {self.upper}]")
+    def __init__(self, lower: Number, upper: Number) -> None:
+        low, high = number("lower end of an interval", lower), number("upper end of an interval", upper)
+        if low > high:
+            raise InputError(f"interval: expected finite ends, the lower first, got [{lower}, {upper}]")
+        keep(self, lower=low, upper=high)
 
     @property
     def middle(self) -> float:
@@ -51,6 +63,26 @@ class Interval:
 
     def __contains__(self, value: float) -> bool:
         return bool(self.lower <= value <= self.upper)
+
+    def __str__(self) -> str:
+        return f"[{self.lower:g}, {self.upper:g}]"
+
+
+def interval(name: str, value: object, unit: str = "") -> Interval:
+    """An interval, or the two numbers of one.
+
+    Raises:
+        InputError: for anything else.
+    """
+    if isinstance(value, Interval):
+        return value
+    ends = listed(value)
+    if ends is None or len(ends) != 2:
+        refuse(name, f"an interval [lower, upper]{f' ({unit})' if unit else ''}", value)
+    try:
+        return Interval(*ends)
+    except InputError:
+        refuse(name, "an interval of finite numbers, the lower one first", value)
 
 
 class Vehicle(abc.ABC):
@@ -106,10 +138,18 @@ class KinematicBicycle(Vehicle):
     """The paper's car (eq. bicycle-model): rear axle as reference point, no tyre slip.
 
     ẋ = −v sin α, ẏ = v cos α, α̇ = (v/l) w, v̇ = T with w = tan γ: affine in (w, T), and |γ| ≤ π/4 is the box |w| ≤ 1.
+
+    Args:
+        wheelbase: l, m; the Parkour car's unless given.
+        max_tan_steering: the tangent of the largest steering angle, not the angle: of 25 degrees it is 0.466.
+        max_thrust: the largest |T|, m/s².
+
+    Raises:
+        InputError: for numbers that are not positive, or that only another unit explains.
     """
 
-    wheelbase: float = 0.34  # m, the Parkour car
-    max_tan_steering: float = 1.0  # tan of the largest steering angle
+    wheelbase: float = 0.34  # m
+    max_tan_steering: float = 1.0
     max_thrust: float = 4.0  # m/s²
 
     name: ClassVar[str] = "kinematic_bicycle"
@@ -117,10 +157,27 @@ class KinematicBicycle(Vehicle):
     input_names: ClassVar[tuple[str, ...]] = ("w", "thrust")
 
     def __post_init__(self) -> None:
-        for label in ("wheelbase", "max_tan_steering", "max_thrust"):
-            value = getattr(self, label)
-            if not 0 < value < float("inf"):
-                raise InputError(f"vehicle.{label}: expected a positive finite number, got {value}")
+        units = {"wheelbase": "m", "max_tan_steering": "", "max_thrust": "m/s²"}
+        found = {
+            label: number(f"vehicle.{label}", getattr(self, label), unit, above=0) for label, unit in units.items()
+        }
+        length, steering, thrust = found.values()
+        if not SHORTEST_WHEELBASE <= length <= LONGEST_WHEELBASE:
+            raise InputError(
+                f"vehicle.wheelbase: expected m, from {SHORTEST_WHEELBASE:g} to {LONGEST_WHEELBASE:g}, got {length:g}"
+                + (f"; {length:g} mm are {length / 1000:g} m" if length > LONGEST_WHEELBASE else "")
+            )
+        if steering > MOST_TAN_STEERING:
+            told = f"; {steering:g} degrees have the tangent {math.tan(math.radians(steering)):.4g}"
+            raise InputError(
+                "vehicle.max_tan_steering: expected the tangent of the largest steering angle, at most "
+                f"{MOST_TAN_STEERING:g}, got {steering:g}{told if steering < 90 else ''}"
+            )
+        if thrust > MOST_THRUST:
+            raise InputError(
+                f"vehicle.max_thrust: expected m/s², at most {MOST_THRUST:g}, got {thrust:g}: no force in N"
+            )
+        keep(self, **found)
 
     @property
     def input_box(self) -> tuple[Interval, ...]:

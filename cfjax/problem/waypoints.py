@@ -26,9 +26,11 @@ from jaxtyping import Float
 from scipy.interpolate import Akima1DInterpolator, BSpline, CubicHermiteSpline, PPoly, make_interp_spline, splprep
 from scipy.ndimage import minimum_filter1d
 
+from cfjax import coerce
+from cfjax.coerce import Number
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve, path_along
-from cfjax.problem.path import Path, Profile, Segment, _positive
+from cfjax.problem.path import Path, Profile, Segment, length_of, speed_of
 from cfjax.problem.points import LONGEST, Course, Points, Source, at, course_of, metres, read_points
 from cfjax.problem.vehicle import KinematicBicycle, Vehicle
 
@@ -86,14 +88,14 @@ def waypoints(
     *,
     columns: Sequence[str] | None = None,
     closed: bool | None = None,
-    speed: float | None = None,
-    least_speed: float | None = None,
-    lateral_acceleration: float = 4.0,
-    acceleration: float | None = 1.0,
-    reserve: float = 0.2,
+    speed: Number | None = None,
+    least_speed: Number | None = None,
+    lateral_acceleration: Number = 4.0,
+    acceleration: Number | None = 1.0,
+    reserve: Number = 0.2,
     vehicle: Vehicle = KinematicBicycle(),
-    segment_length: float | None = None,
-    smoothing: float = 0.0,
+    segment_length: Number | None = None,
+    smoothing: Number = 0.0,
 ) -> Path:
     """The path through the points of a text file, or of memory, in the order in which they stand there.
 
@@ -127,14 +129,16 @@ def waypoints(
     Raises:
         InputError: says what was expected, and in which row or where along the path it is not so.
     """
-    given = {"speed": speed, "least_speed": least_speed, "acceleration": acceleration}
-    given["segment_length"] = segment_length
-    _positive("path", lateral_acceleration=lateral_acceleration)
-    _positive("path", **{label: value for label, value in given.items() if value is not None})
-    if not 0 <= reserve < 1:
-        raise InputError(f"path.reserve: expected a part in [0, 1), got {reserve}")
-    if not 0 <= smoothing <= LONGEST:
-        raise InputError(f"path.smoothing: expected a distance in m from 0 to {LONGEST:g}, got {smoothing}")
+    closed = None if closed is None else coerce.flag("path.closed", closed)
+    speed = None if speed is None else speed_of(speed)
+    least_speed = None if least_speed is None else coerce.number("path.least_speed", least_speed, "m/s", above=0)
+    lateral_acceleration = coerce.number("path.lateral_acceleration", lateral_acceleration, "m/s²", above=0)
+    acceleration = None if acceleration is None else coerce.number("path.acceleration", acceleration, "m/s²", above=0)
+    reserve = coerce.number("path.reserve", reserve, least=0, below=1)
+    coerce.instance("vehicle", vehicle, Vehicle)
+    segment_length = None if segment_length is None else length_of("segment_length", segment_length)
+    smoothing = coerce.number("path.smoothing", smoothing, "m", least=0, most=LONGEST)
+
     if least_speed is not None and least_speed > (speed or math.inf):
         raise InputError(f"path.least_speed: expected at most path.speed, {speed} m/s, got {least_speed}")
 

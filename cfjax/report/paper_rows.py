@@ -52,7 +52,7 @@ def paper_found(problem: Problem, preset: Problem) -> bool | None:
     speed = own[0].point(0.0).speed
     for row in PAPER_ROWS:
         if row.preset == problem.path.name and math.isclose(row.speed, speed, rel_tol=SAME):
-            return row.found_pf if problem.method is Method.PF else row.found_tt
+            return {Method.PF: row.found_pf, Method.TT: row.found_tt}[problem.method]
     return None
 
 

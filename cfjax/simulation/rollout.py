@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from cfjax.coerce import array, instances, objects, refuse, whole
 from cfjax.control import Law, LawNumbers, MinNorm, leg_numbers
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, Template
@@ -153,6 +154,8 @@ def _checked(problem: Problem, legs: Sequence[Leg]) -> list[Leg]:
     Raises:
         InputError: where they do not lead along the path from its start to its end.
     """
+    objects(problem=(problem, Problem))
+    legs = instances("legs", legs, Leg)
     if problem.path.tube:
         raise InputError(f"path {problem.path.name}: expected segments, got a tube, which has no end")
     duration = float(np.cumsum([segment.duration for segment in problem.path.curve])[-1])
@@ -246,6 +249,8 @@ def drive_cars(
         InputError: where the legs do not lead along the path, or their funnels have several templates.
     """
     legs = _checked(problem, legs)
+    cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
+    objects(law=(law, Law))
     template, profiles = _template(legs), profiles_of(problem.path)
     table = table_of(problem, legs, profiles)
     around = None
@@ -306,6 +311,10 @@ def inputs_along(
         InputError: where the legs do not lead along the path, or their funnels have several templates.
     """
     legs = _checked(problem, legs)
+    objects(law=(law, Law))
+    theta, x = array("theta", theta, (None, None)), array("x", x, (None, None, problem.dimension))
+    if theta.shape != x.shape[:2]:
+        refuse("theta", f"an array of shape {x.shape[0]} × {x.shape[1]}, as x has", theta)
     template = _template(legs)
     profiles = jax.tree.map(np.asarray, profiles_of(problem.path))
     own = [leg_numbers(problem, leg) for leg in legs]

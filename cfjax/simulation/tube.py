@@ -25,9 +25,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from cfjax.coerce import number, objects, whole
 from cfjax.control import MinNorm, law_numbers, path_point
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
+from cfjax.funnel.funnel import require_fit
 from cfjax.problem import (
     Interval,
     Pose,
@@ -301,6 +303,11 @@ def drive_tube_cars(
         InputError: where the problem is not about a tube, or no path of the tube goes on for ever: its acceleration is
             never zero.
     """
+    objects(problem=(problem, Problem), funnel=(funnel, Funnel))
+    require_fit(problem, [funnel])
+    margin, margin_per_metre = number("margin", margin, "1/s"), number("margin_per_metre", margin_per_metre, "1/m")
+    cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
+    way = None if way is None else number("way", way, "m", above=0)
     tube = problem.path.segments[0]
     if not isinstance(tube, Tube):
         raise InputError(f"path: expected a tube, got {problem.path.name}")

@@ -9,6 +9,7 @@ from cfjax.check.chain import CHAIN
 from cfjax.check.document import FORMAT, VERSION, document_hash
 from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
+from cfjax.coerce import file, instance, optional
 from cfjax.errors import InputError
 from cfjax.exact import exact_numbers, write_pieces
 from cfjax.problem import Problem
@@ -23,6 +24,8 @@ def chain_document(following: Following, problem: Problem | None = None) -> dict
     Raises:
         InputError: where a tube came without its certificate.
     """
+    instance("following", following, Following)
+    optional("problem", problem, Problem)
     tubes = list(dict.fromkeys(run.tube for run in following.runs))
     content = {
         "format": FORMAT,
@@ -73,4 +76,4 @@ def write_chain(following: Following, path: str | Path) -> None:
     """
     from cfjax.certificate.writing import dump  # here, for the solvers come with it
 
-    Path(path).write_text(dump(chain_document(following)), encoding="ascii")
+    file("path", path).write_text(dump(chain_document(following)), encoding="ascii")

@@ -23,6 +23,7 @@ from cfjax.check.handover import Run, hands_over, needed_distance, prove_chain
 from cfjax.check.piece import Piece
 from cfjax.check.rational import float_below, rational, sqrt_upper
 from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
+from cfjax.coerce import flag, instance, instances, number, optional, text, whole
 from cfjax.errors import InputError
 from cfjax.exact import StatedSegment, exact_reference, stated
 from cfjax.problem import KinematicBicycle, Vehicle
@@ -85,6 +86,12 @@ class Following:
     runs: tuple[Run, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and levels
     levels: tuple[fmpq, ...]
 
+    def __post_init__(self) -> None:
+        instance("path", self.path, Path)
+        instance("reference", self.reference, Reference)
+        for name, kind in (("tubes", Stretch), ("links", Link), ("runs", Run), ("levels", fmpq)):
+            instances(name, getattr(self, name), kind)
+
     @property
     def start(self) -> CertifiedTube:
         """Deviations with xᵀ C x < 1 in this tube may start."""
@@ -96,11 +103,18 @@ class Following:
         return self.tubes[-1].tube
 
     def tube_at(self, segment: int, theta: float) -> CertifiedTube:
-        """The tube that holds at θ (s) of a segment; the later one where two meet."""
+        """The tube that holds at θ (s) of a segment; the later one where two meet.
+
+        Raises:
+            InputError: where the path has no such place.
+        """
+        segment, theta = whole("segment", segment, 0), number("theta", theta, "s")
         for stretch in reversed(self.tubes):
             if stretch.segment == segment and stretch.start <= theta <= stretch.end:
                 return stretch.tube
-        raise InputError(f"path {self.path.name}: there is no theta = {theta:g} s in segment {segment}")
+        raise InputError(
+            f"path {self.path.name}: expected a place on it, there is no theta = {theta:g} s in segment {segment}"
+        )
 
     def describe(self) -> str:
         """Some lines for people."""
@@ -146,9 +160,13 @@ def follow(
         InputError: where the path has a jump (pose: 1e-6 rad or m; speed: 1e-9 m/s), leaves every tube, or where no
             chain is proven; the message says where and by how much.
     """
-    offered = library(vehicle or KinematicBicycle()) if tubes is None else tuple(tubes)
+    instance("path", path, Path)
+    optional("vehicle", vehicle, Vehicle)
+    closed, pinned = flag("closed", closed), None if pinned is None else text("pinned", pinned)
+    car = KinematicBicycle() if vehicle is None else vehicle
+    offered = library(car) if tubes is None else instances("tubes", tubes, CertifiedTube)
     if not offered and tubes is None:
-        reason = why_none(proven_tubes(), vehicle or KinematicBicycle())
+        reason = why_none(proven_tubes(), car)
         raise InputError(
             f"{reason}; cfjax.synthesize(cfjax.Problem(path, vehicle=vehicle)) learns and proves what holds this one, "
             "as the command cfjax.train does"

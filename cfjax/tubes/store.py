@@ -4,12 +4,14 @@ import lzma
 from dataclasses import replace
 from functools import lru_cache
 from importlib import resources
+from os import PathLike
 from pathlib import Path
 
 from cfjax.check import Outcome, check_document
 from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
 from cfjax.check.reader import Unreadable, read_json
+from cfjax.coerce import file, flag, instance
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
 from cfjax.tubes.vehicles import for_vehicle
@@ -18,7 +20,7 @@ from cfjax.tubes.vehicles import for_vehicle
 SUFFIXES = (".json.xz", ".json")
 
 
-def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
+def read_tube(path: str | PathLike[str], *, check: bool = True) -> CertifiedTube:
     """The tube that a certificate proves; its name is that of the file (or, for certificate.json, of its folder).
 
     Without `check` the proof is not replayed: for files that were checked before.
@@ -26,7 +28,7 @@ def read_tube(path: Path, *, check: bool = True) -> CertifiedTube:
     Raises:
         InputError: where the file proves no tube; says why.
     """
-    path = Path(path)
+    path, check = file("path", path), flag("check", check)
     if path.is_dir():
         path = path / "certificate.json"
     name = path.parent.name if path.name == "certificate.json" else path.name
@@ -48,7 +50,6 @@ def library_files() -> list[Path]:
     return sorted(Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(SUFFIXES))
 
 
-@lru_cache
 def library(vehicle: Vehicle = KinematicBicycle()) -> tuple[CertifiedTube, ...]:
     """The package's tubes for this vehicle, unchanged where it can do what the Parkour car can, else by similarity.
 
@@ -58,6 +59,12 @@ def library(vehicle: Vehicle = KinematicBicycle()) -> tuple[CertifiedTube, ...]:
     Raises:
         InputError: for a vehicle of a kind that has no tubes.
     """
+    instance("vehicle", vehicle, Vehicle)
+    return _library(vehicle)
+
+
+@lru_cache
+def _library(vehicle: Vehicle) -> tuple[CertifiedTube, ...]:
     found = (for_vehicle(tube, vehicle) for tube in proven_tubes())
     return tuple(tube for tube in found if tube is not None)
 

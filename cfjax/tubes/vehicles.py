@@ -10,6 +10,7 @@ from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.similarity import scaled, served
 from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
 
@@ -34,6 +35,7 @@ def for_vehicle(tube: CertifiedTube, vehicle: Vehicle) -> CertifiedTube | None:
 
     By similarity lengths scale with the wheelbase, and speeds with the root of wheelbase times thrust.
     """
+    objects(tube=(tube, CertifiedTube), vehicle=(vehicle, Vehicle))
     own = parameters_of(vehicle)
     if tube.vehicle != vehicle.name:
         return None

@@ -94,8 +94,8 @@ def test_bad_questions_get_one_line() -> None:
     problem = Problem(straight(4.0), method=Method.TT)
     legs = legs_of(problem.path, "contracting", 0.04)
     for states, message in (
-        (np.zeros(4), "states: expected rows"),
-        (np.zeros((1, 3)), r"states: expected rows \(alpha, x, y, v\), got shape \(1, 3\)"),
+        (np.zeros(4), "states: expected an array of shape k × 4, got 4"),
+        (np.zeros((1, 3)), "states: expected an array of shape k × 4, got 1 × 3"),
         (np.full((1, 4), np.nan), "states: expected finite numbers"),
     ):
         with pytest.raises(InputError, match=message):

@@ -358,7 +358,7 @@ def _rates(problem: Problem, z: tuple, u: tuple, point: ReferencePoint) -> list[
         ({"x": np.zeros((0, 4))}, "x: expected at least one row, got none"),
         ({"x": np.zeros((2, 4)), "theta": np.zeros(3)}, "theta: expected an array of shape 2, got 3"),
         ({"x": np.zeros((2, 4)), "warm": np.zeros((2, 4, 3))}, "warm: expected an array of shape 2 × 20 × 3"),
-        ({"x": np.zeros((2, 4)), "horizon": Horizon(0)}, "horizon: expected at least one step"),
+        ({"x": np.zeros((2, 4)), "horizon": Horizon(0)}, "horizon.steps: expected a whole number of at least 1"),
         (
             {"x": np.zeros((2, 4)), "weights": Weights(jnp.eye(3), jnp.eye(3), jnp.eye(4))},
             "weights.state: expected an array of shape 4 × 4, got 3 × 3",

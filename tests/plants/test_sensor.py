@@ -109,7 +109,7 @@ def test_bad_noise_is_refused(text: str, message: str) -> None:
         ("disturbed", "expected a bound"),
         ("disturbed:x=0.1,hostile", "constant, random, adversarial"),
         ("disturbed:x=0.1,hold=0", "positive hold"),
-        ("single_track:lag=-1", "positive lag"),
+        ("single_track:lag=-1", "plant.lag: expected a positive finite number"),
         ("commonroad", "wheelbase within 10 %"),
     ],
 )

@@ -244,7 +244,7 @@ def test_a_closer_tolerance_is_kept_with_more_pieces() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: ellipse(a=-1.0), r"path\.a: expected a positive finite number, got -1"),
+        (lambda: ellipse(a=-1.0), r"path\.a: expected a positive finite number \(m\), got -1"),
         (lambda: ellipse(speed=0.0), r"path\.speed"),
         (lambda: ellipse(segments=0), r"path\.segments: expected a whole number from 1 to 1000, got 0"),
         (lambda: ellipse(laps=-2), r"path\.laps"),

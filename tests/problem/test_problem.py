@@ -30,10 +30,10 @@ S = Box((1.0, 1.0, 1.0, 3.0))
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: circle(radius=-1.0), "path.radius: expected a positive finite number, got -1.0"),
-        (lambda: straight(speed=float("nan")), "path.speed: expected a positive finite number, got nan"),
+        (lambda: circle(radius=-1.0), "path.radius: expected a positive finite number (m), got -1.0"),
+        (lambda: straight(speed=float("nan")), "path.speed: expected a positive finite number (m/s), got nan"),
         (lambda: Problem(circle(radius=0.3)), "needs w = 1.133, but the vehicle's w lies in [-1, 1]"),
-        (lambda: Problem(circle(), inlet=ball(0.5, 3)), "sets.inlet: expected 4 numbers, one per state"),
+        (lambda: Problem(circle(), inlet=ball(0.5, 3)), "sets.inlet: expected a number or 4 numbers, one per state"),
         (lambda: Problem(circle(), safe=Box((0.4, 1.0, 1.0, 3.0))), "sets.inlet: reaches 0.5 in alpha"),
         (lambda: Problem(circle(), timing=Interval(0.0, 2.0)), "timing: expected 0 < lower <= 1 <= upper"),
         (lambda: Problem(circle(), timing=Interval(1.2, 2.0)), "timing: expected 0 < lower <= 1 <= upper"),

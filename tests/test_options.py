@@ -1,0 +1,92 @@
+"""What is given and does nothing is said; what only another unit explains is refused."""
+
+import numpy as np
+import pytest
+
+import cfjax
+import cfjax.synthesis
+from cfjax.conf import options_of, preset, problem_of
+from cfjax.options import Elimination, Options, idle
+from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight, tube
+from cfjax.result import Result
+
+
+CIRCLE = Problem(circle())
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "lines"),
+    [
+        (CIRCLE, Options(), []),
+        (Problem(circle(), method="tt"), Options(), []),
+        (Problem(circle(), timing=(0.8, 1.2)), Options(), []),
+        (Problem(circle(), method="tt", timing=(1, 1)), Options(), []),
+        (
+            Problem(circle(), method="tt", timing=(0.8, 1.2)),
+            Options(),
+            ["timing: [0.8, 1.2] does nothing with method=tt, where u0 is 1"],
+        ),
+        (
+            CIRCLE,
+            Options(polytope=Elimination(margin=0.1, centre="analytic")),
+            [
+                "polytope.margin=0.1 does nothing with learner=gradient",
+                "polytope.centre=analytic does nothing with learner=gradient",
+            ],
+        ),
+        (CIRCLE, Options(learner="polytope", polytope=Elimination(batch=4)), []),
+        (
+            CIRCLE,
+            Options(learner="polytope", restarts=8, rounds=1),
+            [
+                "restarts=8 does nothing with learner=polytope",
+                "rounds=1 does nothing with learner=polytope",
+            ],
+        ),
+        (
+            Problem(circle(), safe=[60, 1, 1, 3]),
+            Options(),
+            [
+                "sets.safe: 60 rad of heading are no limit, for headings end at pi rad; 60 degrees are 1.047 rad",
+            ],
+        ),
+    ],
+)
+def test_what_does_nothing_is_said(problem: Problem, options: Options, lines: list[str]) -> None:
+    assert idle(problem, options) == lines
+
+
+def test_a_search_says_it_once(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    found = Result(cfjax.Verdict.INCONCLUSIVE, "not looked for", CIRCLE)
+    monkeypatch.setattr(cfjax.synthesis, "_by_segments", lambda *_: found)
+    config = preset("circle", ["method=tt", "timing=[0.5,3]"])
+    cfjax.search(problem_of(config), options_of(config))
+    assert capfd.readouterr().err == "warning: timing: [0.5, 3] does nothing with method=tt, where u0 is 1\n"
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: KinematicBicycle(max_tan_steering=25.0), "at most 10, got 25; 25 degrees have the tangent 0.4663"),
+        (
+            lambda: KinematicBicycle(max_tan_steering=400.0),
+            "of the largest steering angle, at most 10, got 400",
+        ),
+        (lambda: KinematicBicycle(wheelbase=330.0), "expected m, from 0.005 to 25, got 330; 330 mm are 0.33 m"),
+        (lambda: KinematicBicycle(wheelbase=0.0027), "expected m, from 0.005 to 25, got 0.0027"),
+        (lambda: KinematicBicycle(max_thrust=3000.0), "expected m/s², at most 100, got 3000: no force in N"),
+        (lambda: straight(speed=2000), "path.speed: expected m/s, at most 400, got 2000"),
+        (lambda: tube(speed=(500, 1500)), r"path.speed: expected m/s, at most 400, got [500, 1500]"),
+        (lambda: Problem(circle(), inlet=(20, 0.5, 0.5, 0.5)), "below pi rad, got 20.0; 20 degrees are 0.3491 rad"),
+    ],
+)
+def test_what_only_another_unit_explains_is_refused(build, words: str) -> None:
+    with pytest.raises(cfjax.InputError) as caught:
+        build()
+    assert words in str(caught.value)
+
+
+def test_cars_of_every_size_are_none_of_these() -> None:
+    for wheelbase, angle in ((0.05, 30), (0.33, 24), (2.7, 28.6), (7.0, 45), (0.34, 80)):
+        KinematicBicycle(wheelbase, float(np.tan(np.radians(angle))))
+    Problem(circle(), ball(0.4), safe=Box([np.pi, 1, 1, 3]))
