@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 from scipy.spatial import KDTree
 
+from cfjax.coerce import shown
 from cfjax.errors import InputError
 from cfjax.problem.columns import (
     ASK,
@@ -73,7 +74,7 @@ def read_points(source: Source, columns: Sequence[str] | None = None) -> Points:
     """
     listed = isinstance(columns, Sequence) and not isinstance(columns, str)
     if columns is not None and not (listed and all(isinstance(name, str) for name in columns)):
-        raise InputError(f"path.columns: expected a list of names, as [x,y,speed], got {columns}")
+        raise InputError(f"path.columns: expected a list of names, as [x,y,speed], got {shown(columns)}")
     if isinstance(source, str | PathLike):
         return _of_file(File(source), columns)
     return _of_memory(source, columns)
@@ -267,7 +268,7 @@ def _array(values: Any) -> np.ndarray:
     except (TypeError, ValueError, OverflowError):
         raise InputError(
             "points: expected the name of a file, rows of numbers x, y or x, y, speed, or columns of them by name; got "
-            f"{type(values).__name__} {' '.join(str(values).split())[:60]}"
+            f"{shown(values)}"
         ) from None
 
 
