@@ -186,6 +186,7 @@ TABLE: dict[str, Callable[[], Call]] = {
         smoothing=0,
     ),
     "affine_deviation": lambda: of(cfjax.problem.affine_deviation, vehicle=CAR, x=np.zeros(4), reference=POINT),
+    "affine_along": lambda: of(cfjax.problem.affine_along, tuple, vehicle=CAR, points=[[1, 1.5, 0, 0]]),
     "deviation_rate": lambda: of(
         cfjax.problem.deviation_rate, tuple, vehicle=CAR, x=REST, inputs=[1, 0, 0], reference=POINT
     ),
@@ -226,6 +227,15 @@ TABLE: dict[str, Callable[[], Call]] = {
     "horizon_of": lambda: of(horizon_of, problem=PROBLEM, steps=20),
     "weights_of": lambda: of(weights_of, problem=PROBLEM, effort=0.1, terminal=1),
     "statement_of": lambda: of(cfjax.certificate.statement_of, problem=PROBLEM),
+    "require_posable": lambda: slow(
+        cfjax.certificate.require_posable,
+        {"beta_inner": NONE} | PROBLEMS,
+        problem=PROBLEM,
+        statement=cfjax.certificate.statement_of(PROBLEM),
+        template=TEMPLATE,
+        beta_lower=0.9,
+        beta_inner=None,
+    ),
     "dump": lambda: of(cfjax.certificate.dump, str, document={}),
     "plant_named": lambda: of(cfjax.plants.plant_named, text="model", vehicle=CAR),
     "sensor_named": lambda: of(cfjax.plants.sensor_named, text="mocap", vehicle=CAR),

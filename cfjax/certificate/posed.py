@@ -15,6 +15,7 @@ from cfjax.check.document import MOST_GRAM_ENTRIES, MOST_MONOMIALS
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim, has_tube_structure
+from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Problem
@@ -31,6 +32,7 @@ def require_posable(
     Raises:
         InputError: it cannot be put together, or not written for so many segments; says what was expected.
     """
+    objects(problem=(problem, Problem), statement=(statement, Statement), template=(template, Template))
     claim, distinct = statement.claim, problem.path.distinct
     first = claim.distinct[0]
     shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)

@@ -179,6 +179,8 @@ def affine_along(
     vehicle: Vehicle, points: Float[np.ndarray, "k 4"]
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n m"]]:
     """`affine_deviation` without deviation on many references, rows of a `ReferencePoint`."""
+    coerce.objects(vehicle=(vehicle, Vehicle))
+    points = coerce.array("points", points, (None, len(FIELDS)))
     if len(points) > FEW:
         drift, columns = in_batches(partial(_affine_batch, vehicle), points)
         return drift, columns
