@@ -1,7 +1,7 @@
 """A robot on omnidirectional wheels: it moves in any direction while it turns; the pose is all of its state.
 
-    python -m cfjax.train +path=circle vehicle=custom vehicle.target=experiments.vehicles.omnidirectional.Omnidirectional \
-        sets.safe=null
+    python -m cfjax.train +path=circle sets.safe=null \
+        vehicle=custom vehicle.target=experiments.vehicles.omnidirectional.Omnidirectional
 """
 
 from dataclasses import dataclass

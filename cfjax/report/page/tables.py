@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cfjax.problem import Disc
-from cfjax.report.page.terms import input_label, short_label
 from cfjax.report.rounded import MILLI, margin_text, rounded_down, rounded_up, written
 from cfjax.report.run_folder import numbers_of
+from cfjax.report.terms import input_label, short_label
 from cfjax.result import Result
 from cfjax.verdict import Verdict
 
