@@ -157,11 +157,11 @@ def problem_of(config: Config, vehicle: Vehicle | None = None) -> Problem:
         raise InputError(f"timing: expected two numbers, lower and upper, got {config.timing}")
     built: Vehicle = config.vehicle.build() if vehicle is None else vehicle
     dimension = len(built.state_names)
-    safe = config.sets.safe
+    goal, safe = config.sets.goal, config.sets.safe
     return Problem(
         path=_path_of(config.path, built),
         inlet=Ellipsoid(_half_axes("sets.inlet", config.sets.inlet, dimension)),
-        goal=Ellipsoid(_half_axes("sets.goal", config.sets.goal, dimension)),
+        goal=None if goal is None else Ellipsoid(_half_axes("sets.goal", goal, dimension)),
         safe=None if safe is None else Box(_half_axes("sets.safe", safe, dimension)),
         obstacles=_obstacles(config.sets.obstacles),
         footprint=_footprint(config.vehicle.footprint),

@@ -246,6 +246,8 @@ VEHICLE_KINDS: dict[str, type[VehicleConfig]] = {"bicycle": BicycleConfig, "cust
 class SetsConfig:
     """I and G: a number (radius of a ball) or one half-axis per state. S: one half-width per state, or null.
 
+    Of a tube G may be null: then it is the tube itself that is kept.
+
     Obstacles, which belong to S too: {disc: [x, y, radius]} or {polygon: [[x, y], ...]}, convex; m.
     """
 

@@ -50,7 +50,7 @@ class Problem:
 
     path: Path
     inlet: Ellipsoid = field(default_factory=lambda: ball(0.5))  # I, at the path's start; of a tube, anywhere
-    goal: Ellipsoid = field(default_factory=lambda: ball(0.5))  # G, at the path's end; of a tube, everywhere
+    goal: Ellipsoid | None = field(default_factory=lambda: ball(0.5))  # G, at the end; of a tube everywhere, or none
     safe: Box | None = None  # S, at every θ
     obstacles: tuple[Obstacle, ...] = ()  # S too: the footprint, wherever the vehicle is, touches none of them
     footprint: tuple[FootprintDisc, ...] = (FootprintDisc(),)
@@ -63,13 +63,15 @@ class Problem:
         states = self.vehicle.state_names
         for label, values in (
             ("sets.inlet", self.inlet.half_axes),
-            ("sets.goal", self.goal.half_axes),
+            ("sets.goal", self.goal.half_axes if self.goal else states),
             ("sets.safe", self.safe.half_widths if self.safe else states),
         ):
             if len(values) != len(states):
                 raise InputError(
                     f"{label}: expected {len(states)} numbers, one per state ({', '.join(states)}), got {len(values)}"
                 )
+        if self.goal is None and not self.path.tube:
+            raise InputError("sets.goal: expected half-axes for a path, which ends; got none, which goes with a tube")
         if self.inlet.half_axes[0] >= np.pi:
             raise InputError(f"sets.inlet: expected a heading below pi rad, got {self.inlet.half_axes[0]}")
         if self.timing.lower <= 0 or 1.0 not in self.timing:
@@ -86,7 +88,7 @@ class Problem:
             raise InputError(f"authority: expected a number above 0 and at most 1, got {self.authority}")
         for segment in self.path.segments:
             if isinstance(segment, Tube):
-                for state, start, end in zip(states, self.inlet.half_axes, self.goal.half_axes, strict=True):
+                for state, start, end in zip(states, self.inlet.half_axes, self.goal_axes, strict=True):
                     if start >= end:
                         raise InputError(
                             f"sets.goal: expected more than sets.inlet, {start}, in {state}, for a tube that holds I "
@@ -124,6 +126,11 @@ class Problem:
         return tuple(
             (float(low), float(high)) for low, high in zip(needed.min(axis=0), needed.max(axis=0), strict=True)
         )
+
+    @property
+    def goal_axes(self) -> tuple[float, ...]:
+        """Half-axes of G in the states' units; infinite where none is asked."""
+        return self.goal.half_axes if self.goal else (math.inf,) * self.dimension
 
     @property
     def dimension(self) -> int:

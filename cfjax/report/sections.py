@@ -45,7 +45,8 @@ def sections_of(result: Result) -> Iterator[Section]:
     names = problem.vehicle.state_names
     spreads = [("V = 1", EDGE_COLOUR, np.linalg.inv(result.segments[0].funnel.shape))]
     for role, colour, ellipsoid in (("goal G", GOAL_COLOUR, problem.goal), ("inlet I", INLET_COLOUR, problem.inlet)):
-        spreads.append((role, colour, np.diag(np.square(ellipsoid.half_axes))))
+        if ellipsoid:
+            spreads.append((role, colour, np.diag(np.square(ellipsoid.half_axes))))
     pairs = shown_pairs(len(names))
     called = state_label if len(pairs) <= ROOMY else short_label
     for pair in pairs:

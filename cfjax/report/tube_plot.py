@@ -44,8 +44,9 @@ def draw_tube(figure: Figure, result: Result) -> None:
     handles = [
         Line2D([], [], color=EDGE_COLOUR, lw=1.4, label="tube $V = 1$"),
         Line2D([], [], color=INLET_COLOUR, lw=1.2, label="starts $I$"),
-        Line2D([], [], color=GOAL_COLOUR, lw=1.2, label="bound $G$"),
     ]
+    if result.problem.goal:
+        handles.append(Line2D([], [], color=GOAL_COLOUR, lw=1.2, label="bound $G$"))
     below.legend(handles=handles, loc="outside lower left", ncols=3, fontsize=8, handlelength=1.6)
 
 

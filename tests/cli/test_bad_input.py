@@ -118,6 +118,7 @@ CASES = [
     (["+path=circle", "sets.inlet=[1,2]"], "sets.inlet: expected 4 numbers, one per state (alpha, x, y, v), got 2"),
     (["+path=circle", "sets.inlet=null"], "sets.inlet: expected a number or a list of 4 numbers, got null"),
     (["+path=circle", "sets.goal=-1"], "sets.goal: expected positive finite numbers, got -1"),
+    (["+path=circle", "sets.goal=null"], "sets.goal: expected half-axes for a path, which ends; got none, which goes"),
     (["+path=circle", "sets.inlet=2"], "sets.inlet: reaches 2.0 in alpha, but sets.safe, around it, ends at 1.0"),
     (["+path=circle", "~sets"], "expected key=value, without ~ or @"),
     (["+path=circle", "sets=null"], "sets: expected a value for one of its keys, like sets.inlet, got null"),

@@ -19,6 +19,7 @@ from cfjax.report.along import panels, spans_of
 from cfjax.report.page import save_page
 from cfjax.report.plane import Course, Plane, body_region, disc_shadows, positions, shadows, swept
 from cfjax.report.plot import picture_of, save_picture
+from cfjax.report.run_folder import result_json
 from cfjax.report.sections import sections_of, shown_pairs
 from cfjax.report.style import STYLE
 from cfjax.result import Result, Rollouts, StretchMargin
@@ -201,12 +202,17 @@ def test_every_state_is_drawn_over_another_one(states: int, pairs: int) -> None:
 
 
 @pytest.mark.parametrize("vehicle", [Omnidirectional(), SteeredCar()], ids=["three states", "five states"])
-@pytest.mark.parametrize("path", [tube(1.5, 0.7), circle()], ids=["tube", "circle"])
+@pytest.mark.parametrize(
+    ("path", "has_goal"),
+    [(tube(1.5, 0.7), True), (tube(1.5, 0.7), False), (circle(), True)],
+    ids=["tube", "tube without G", "circle"],
+)
 def test_vehicles_of_other_sizes_have_their_pictures(
-    hand_made: Make, vehicle: Vehicle, path: RoadPath, tmp_path: Path
+    hand_made: Make, vehicle: Vehicle, path: RoadPath, has_goal: bool, tmp_path: Path
 ) -> None:
     size = len(vehicle.state_names)
-    made = hand_made(Problem(path, vehicle=vehicle, inlet=ball(0.3, size), goal=ball(0.6, size)))
+    goal = ball(0.6, size) if has_goal else None
+    made = hand_made(Problem(path, vehicle=vehicle, inlet=ball(0.3, size), goal=goal))
     save_picture(made, tmp_path / "funnel.png")
     save_page(made, tmp_path / "report.html")
     sections = list(sections_of(made))
@@ -214,3 +220,5 @@ def test_vehicles_of_other_sizes_have_their_pictures(
     for (i, j), section in zip(shown_pairs(size), sections, strict=True):
         (outline,) = (shadow.outline for shadow in section.shadows if shadow.role == "V = 1")
         np.testing.assert_allclose(outline.max(axis=1), np.sqrt([inverse[i, i], inverse[j, j]]), rtol=2e-3)
+        assert [shadow.role for shadow in section.shadows] == ["V = 1", *["goal G"] * has_goal, "inlet I"]
+    assert result_json(made)["sets"]["goal"] == ([0.6] * size if has_goal else None)

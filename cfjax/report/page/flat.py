@@ -197,7 +197,8 @@ def section_figure(result: Result) -> Figure:
             fill = {"fill": "toself", "fillcolor": FUNNEL_COLOUR} if is_funnel else {}
             dash = "dash" if shadow.colour == INLET_COLOUR else "solid"
             said = {**fill, "hoverinfo": "skip", "showlegend": not k}
-            trace = line(*shadow.outline, shadow.role, shadow.colour, 2.0, dash, **said)
+            across, up = shadow.outline
+            trace = line(across, up, shadow.role, shadow.colour, 2.0, dash, **said)
             traces.append({**trace, "xaxis": f"x{number}", "yaxis": f"y{number}", "legendgroup": shadow.role})
     return Figure("sections", "Shadows of the funnel, of I and of G on pairs of states", traces, own)
 
