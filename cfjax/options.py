@@ -55,6 +55,20 @@ class Elimination:
 
 
 @dataclass(frozen=True)
+class ProofLimits:
+    """What a proof may take (`cfjax.certificate.size` estimates it): a larger one is refused before learning."""
+
+    memory: float | None = None  # GB; None: what is free
+    hours: float = 12.0
+
+    def __post_init__(self) -> None:
+        if self.memory is not None and not 0 < self.memory < float("inf"):
+            raise InputError(f"proof.memory: expected a positive finite number (GB) or null, got {self.memory}")
+        if not 0 < self.hours < float("inf"):
+            raise InputError(f"proof.hours: expected a positive finite number (h), got {self.hours}")
+
+
+@dataclass(frozen=True)
 class Options:
     """How to look for a funnel; the problem says for what."""
 
@@ -62,6 +76,7 @@ class Options:
     certificate: str = "auto"  # "segment": funnels made for the path; "tube": tubes for all paths within its bounds
     learner: str = "gradient"  # or "polytope": the paper's own, by elimination from demonstrations
     polytope: Elimination = Elimination()
+    proof: ProofLimits = ProofLimits()
     objective: Objective = Objective()  # largest margin, or smallest width or largest inlet at a margin
     beta_lower: float = 0.9  # shell [beta_lower, 1] on which V has to decrease
     beta_inner: float | None = None  # V decreases down to here, at λ V / beta_lower; None: no further than beta_lower

@@ -14,7 +14,7 @@ import numpy as np
 from omegaconf import MISSING
 
 from cfjax.errors import InputError
-from cfjax.options import Elimination, Options
+from cfjax.options import Elimination, Options, ProofLimits
 from cfjax.problem import (
     Interval,
     KinematicBicycle,
@@ -278,6 +278,14 @@ class PolytopeConfig:
 
 
 @dataclass
+class ProofConfig:
+    """What a proof may take: it is estimated before anything is learned, and a larger one refused."""
+
+    memory: float | None = ProofLimits.memory  # GB; null: what is free
+    hours: float = ProofLimits.hours
+
+
+@dataclass
 class WandbConfig:
     """Read only with logger=wandb."""
 
@@ -307,6 +315,7 @@ class Config:
     certificate: str = Options.certificate  # auto, segment or tube
     learner: str = Options.learner  # gradient or polytope
     polytope: PolytopeConfig = field(default_factory=PolytopeConfig)
+    proof: ProofConfig = field(default_factory=ProofConfig)
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     beta_lower: float = Options.beta_lower
     beta_inner: float | None = Options.beta_inner
