@@ -122,7 +122,7 @@ def _room_for(problem: Problem, statement: Statement, options: Options) -> int:
         InputError: it takes more than `options.proof` allows.
     """
     levels = options.beta_lower, options.beta_inner
-    size = proof_size(problem, statement, template_named(options.template), *levels)
+    size = proof_size(problem, statement, template_named(options.template), *levels, options.solver)
     if size is None:
         return _cores()
     workers, line = require_room(size, options.proof.memory, options.proof.hours, _cores())

@@ -1,28 +1,13 @@
 """How much memory and time a proof of condition (d) will take: known before anything is learned.
 
 What the semidefinite programs are made of (states, degrees, references, cells) hardly depends on the funnel, so that
-they are counted for one a little inside I. Nothing of them is made for that.
-
-With a Gram matrix of k rows the solver's cone has t = k (k + 1)/2 coordinates, and it holds, and factorises in each of
-its iterations, a dense t × t block. So memory and time go with the sum of t² over a cell's matrices. Measured with
-CVXPY 1.9 and Clarabel 0.11, one cell of a circle's proof on one core of an AMD EPYC (CPU time; resident memory beyond
-what was taken before it):
-
-    vehicle (order of the Gram matrices)     sum of t²      MB     s     bytes per t²    µs per t²
-    omnidirectional, 3 states (3)               56 400       8    0.10        142          1.8
-    front axle, 4 states (3)                   454 725      35    0.79         77          1.7
-    kinematic bicycle, 4 states (3)            468 900      36    1.02         77          2.2
-    steered car, 5 states (3)                2 814 021     225    4.84         80          1.7
-    steered car with a lag, 6 states (3)    13 569 080     825   27.0          61          2.0
-    car with a square root, 5 states (4)    76 751 681    5200  > 150          68            –
+they are counted for one a little inside I. Nothing of them is made for that. What one of them costs a
+solver, `cfjax.solver.cost` says.
 """
 
-import os
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from math import comb
-from pathlib import Path
 
 import numpy as np
 from flint import fmpq
@@ -36,9 +21,10 @@ from cfjax.check.tube import TubeClaim, has_tube_structure
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Problem
+from cfjax.solver import DEFAULT
+from cfjax.solver.cost import available_memory, cost_of
 
 
-BYTES, SECONDS = 80.0, 2e-6  # of one program, for each t² (see above)
 WORTH_SAYING = 60.0  # s: a proof that takes longer is announced
 INSIDE = 0.9  # of I
 CHANGE = 0.02  # of V's level along a segment: as good as none, but the shell then has its two pieces
@@ -70,11 +56,11 @@ class ProofSize:
         )
 
 
-def size_of(questions: Sequence[Sequence[SteadyDecrease]]) -> ProofSize:
-    """Of what has to be shown: for each segment, at each of its extreme references."""
+def size_of(questions: Sequence[Sequence[SteadyDecrease]], solver: str = DEFAULT) -> ProofSize:
+    """Of what has to be shown, for each segment at each of its extreme references, by a solver of this name."""
     states, orders = len(questions[0][0].states), [each[0].degrees for each in questions]
     cells = [sum(1 for question in each for _ in question.cells()) for each in questions]
-    blocks = [sum(_cone(comb(states + degree, degree)) ** 2 for degree in degrees) for degrees in orders]
+    costs = [cost_of(solver, states, degrees) for degrees in orders]
     order = max(degrees[0] for degrees in orders)
     return ProofSize(
         states=states,
@@ -83,17 +69,18 @@ def size_of(questions: Sequence[Sequence[SteadyDecrease]]) -> ProofSize:
         cells=sum(cells),
         rows=comb(states + 2 * order, states),
         monomials=comb(states + order, states),
-        memory=BYTES * max(blocks),
-        seconds=SECONDS * sum(count * block for count, block in zip(cells, blocks, strict=True)),
+        memory=max(cost.memory for cost in costs),
+        seconds=sum(count * cost.seconds for count, cost in zip(cells, costs, strict=True)),
     )
 
 
-def _cone(rows: int) -> int:
-    return rows * (rows + 1) // 2
-
-
 def proof_size(
-    problem: Problem, statement: Statement, template: Template, beta_lower: float, beta_inner: float | None = None
+    problem: Problem,
+    statement: Statement,
+    template: Template,
+    beta_lower: float,
+    beta_inner: float | None = None,
+    solver: str = DEFAULT,
 ) -> ProofSize | None:
     """Of the problem's proof; None where it cannot be put together for a funnel inside I, which is told elsewhere.
 
@@ -130,7 +117,7 @@ def proof_size(
             except ValueError:
                 return None
         every.append(found[is_steady])
-    return size_of(every)
+    return size_of(every, solver)
 
 
 def require_room(size: ProofSize, memory: float | None, hours: float, cores: int) -> tuple[int, str]:
@@ -158,18 +145,4 @@ def require_room(size: ProofSize, memory: float | None, hours: float, cores: int
     if seconds <= WORTH_SAYING:
         return workers, ""
     time = f"{seconds / MINUTE:.2g} min" if seconds < HOUR else f"{seconds / HOUR:.2g} h"
-    return workers, f"proof: {size}: about {time} and {size.memory * workers / GB:.2g} GB, if not cut further"
-
-
-def available_memory() -> float:
-    """Bytes that this process may still take: of the machine, and of the container it runs in; infinite if unknown."""
-    room = float("inf")
-    with suppress(OSError, ValueError, IndexError):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        room = next((1024.0 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")), room)
-    if room == float("inf") and "SC_PHYS_PAGES" in getattr(os, "sysconf_names", {}):
-        room = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    with suppress(OSError, ValueError):  # "max" where there is no limit
-        limit, used = (int(Path(f"/sys/fs/cgroup/memory.{name}").read_text()) for name in ("max", "current"))
-        room = min(room, float(limit - used))
-    return room
+    return workers, f"proof: {size}: about {time} and {size.memory * workers / GB:.2g} GB, if nothing is cut further"
