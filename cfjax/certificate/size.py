@@ -1,32 +1,27 @@
 """How much memory and time a proof of condition (d) will take: known before anything is learned.
 
 What the semidefinite programs are made of (states, degrees, references, cells) hardly depends on the funnel, so that
-they are counted for one a little inside I. Nothing of them is made for that. What one of them costs a
-solver, `cfjax.solver.cost` says.
+they are counted for one a little inside I. Nothing of them is made for that. What one costs a solver,
+`cfjax.solver.cost` says.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
-import numpy as np
 from flint import fmpq
 
 from cfjax.certificate.certifier import Statement
-from cfjax.certificate.stretches import MoreThanIsRead, Stretch, bounded, decreases_on, round_funnel
+from cfjax.certificate.posed import put_together
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.reader import Broken
-from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import TubeClaim, has_tube_structure
 from cfjax.errors import InputError
-from cfjax.funnel import Funnel, Template
-from cfjax.problem import Problem
+from cfjax.funnel import Template
+from cfjax.problem import Problem, Tube
 from cfjax.solver import DEFAULT
 from cfjax.solver.cost import available_memory, cost_of
 
 
 WORTH_SAYING = 60.0  # s: a proof that takes longer is announced
-INSIDE = 0.9  # of I
 CHANGE = 0.02  # of V's level along a segment: as good as none, but the shell then has its two pieces
 GB, MINUTE, HOUR = 1e9, 60.0, 3600.0
 
@@ -82,41 +77,21 @@ def proof_size(
     beta_inner: float | None = None,
     solver: str = DEFAULT,
 ) -> ProofSize | None:
-    """Of the problem's proof; None where it cannot be put together for a funnel inside I, which is told elsewhere.
+    """Of the problem's proof; None where it cannot be put together for all of a segment at once.
 
     Segments at constant speed and curvature are alike, and so are the others: one of each is looked at.
-
-    Raises:
-        InputError: its Gram matrices would be larger than a checker reads, or its dynamics are not of the form in which
-            a few references speak for all.
     """
-    claim, distinct = statement.claim, problem.path.distinct
-    shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)
-    dynamics = symbolic(statement.graph, claim.vehicle.states, tuple(claim.inputs))
-    is_smooth = not has_tube_structure(dynamics)
+    change = CHANGE * (beta_lower if beta_inner is None else beta_inner)
     found: dict[bool, list[SteadyDecrease]] = {}
-    every: list[list[SteadyDecrease]] = []
-    for segment, own in zip(distinct, claim.distinct, strict=True):
-        is_steady = isinstance(own, TubeClaim) or own.is_steady
-        if is_steady not in found:
-            rate = 0.0 if isinstance(own, TubeClaim) else CHANGE * beta_lower / segment.duration
-            funnel = Funnel(template, shape, rate, segment.duration, beta_lower, beta_inner)
+    every = []
+    for kind, segment in enumerate(problem.path.distinct):
+        alike = isinstance(segment, Tube) or segment.is_steady
+        if alike not in found:
             try:
-                if isinstance(own, TubeClaim):
-                    stretch = Stretch(fmpq(0), fmpq(0), own)
-                else:
-                    stretch = bounded(own.pieces, fmpq(0), own.duration, is_smooth)
-                found[is_steady] = decreases_on(problem, round_funnel(funnel, segment), statement.graph, stretch)
-            except Broken as error:
-                raise InputError(str(error)) from None
-            except MoreThanIsRead as error:
-                raise InputError(
-                    f"vehicle {problem.vehicle.name}: expected rates whose proof a checker reads, got {error}; fewer "
-                    "states, or functions of simpler arguments, make it smaller"
-                ) from None
-            except ValueError:
+                found[alike] = put_together(problem, statement, kind, fmpq(1), template, beta_lower, beta_inner, change)
+            except ValueError:  # Broken among them: it is the proof, or `require_posable`, that says what is wrong
                 return None
-        every.append(found[is_steady])
+        every.append(found[alike])
     return size_of(every, solver)
 
 
