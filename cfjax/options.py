@@ -53,6 +53,26 @@ class Elimination:
 
 
 @dataclass(frozen=True)
+class ProofLimits:
+    """What a proof may take (`cfjax.certificate.size` estimates it): a larger one is refused before learning.
+
+    Args:
+        memory: GB; None: what is free.
+        hours: h.
+
+    Raises:
+        InputError: for numbers that are not positive and finite.
+    """
+
+    memory: float | None = None
+    hours: float = 12.0
+
+    def __post_init__(self) -> None:
+        memory = None if self.memory is None else number("proof.memory", self.memory, "GB", above=0)
+        keep(self, memory=memory, hours=number("proof.hours", self.hours, "h", above=0))
+
+
+@dataclass(frozen=True)
 class Options:
     """How to look for a funnel; the problem says for what.
 
@@ -62,6 +82,7 @@ class Options:
             is cheaper.
         learner: "gradient"; or "polytope", the paper's own, by elimination from demonstrations.
         polytope: how that one looks.
+        proof: what a proof may take.
         objective: the largest margin λ, or the smallest width or the largest inlet at a margin.
         beta_lower: V decreases at λ (1/s) on the shell [beta_lower, 1]; a level of V.
         beta_inner: below, V decreases at λ V / beta_lower down to this level; None: no further than beta_lower.
@@ -80,6 +101,7 @@ class Options:
     certificate: str = "auto"
     learner: str = "gradient"
     polytope: Elimination = Elimination()
+    proof: ProofLimits = ProofLimits()
     objective: Objective = Objective()
     beta_lower: float = 0.9
     beta_inner: float | None = None
@@ -96,6 +118,7 @@ class Options:
         one_of("solver", self.solver, SOLVERS)
         one_of("learner", self.learner, LEARNERS)
         instance("polytope", self.polytope, Elimination)
+        instance("proof", self.proof, ProofLimits)
         instance("objective", self.objective, Objective)
         least = {"restarts": 1, "seed": 0, "rounds": 1, "cars": 0}
         keep(
@@ -115,7 +138,7 @@ def idle(problem: Problem, options: Options) -> list[str]:
     if problem.method is Method.TT and problem.timing not in (TIMING, Interval(1.0, 1.0)):
         lines.append(f"timing: {problem.timing} does nothing with method=tt, where u0 is 1")
     for label, heading in (
-        ("sets.goal", problem.goal.half_axes[0]),
+        ("sets.goal", problem.goal.half_axes[0] if problem.goal else 0.0),
         ("sets.safe", problem.safe.half_widths[0] if problem.safe else 0.0),
     ):
         if heading > math.pi:

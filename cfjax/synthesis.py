@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cfjax import coerce
-from cfjax.certificate import certify, require_posable, robustness_of, statement_of
+from cfjax.certificate import Statement, certify, proof_size, require_posable, require_room, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
 from cfjax.check.tube import has_tube_structure, require_tube_structure
@@ -117,7 +117,23 @@ def _by_segments(problem: Problem, options: Options, clock: Clock) -> Result:
     """Funnels made for the path's own segments; or the one of a tube."""
     statement = statement_of(problem)  # what no proof answers is not learned first
     require_posable(problem, statement, template_named(options.template), options.beta_lower, options.beta_inner)
-    return _Search(problem, options, clock).run()
+    return _Search(problem, options, clock, _room_for(problem, statement, options)).run()
+
+
+def _room_for(problem: Problem, statement: Statement, options: Options) -> int:
+    """How many programs of the proof are solved side by side; a proof that takes long is announced on stderr.
+
+    Raises:
+        InputError: it takes more than `options.proof` allows.
+    """
+    levels = options.beta_lower, options.beta_inner
+    size = proof_size(problem, statement, template_named(options.template), *levels, options.solver)
+    if size is None:
+        return _cores()
+    workers, line = require_room(size, options.proof.memory, options.proof.hours, _cores())
+    if line:
+        print(line, file=sys.stderr)
+    return workers
 
 
 def _by_tubes(problem: Problem, options: Options, clock: Clock) -> Result:
@@ -190,8 +206,8 @@ class _Aim:
 class _Search:
     """The learn–certify loop of one problem, with its clock and its history."""
 
-    def __init__(self, problem: Problem, options: Options, clock: Clock) -> None:
-        self.asked, self.options, self.clock = problem, options, clock
+    def __init__(self, problem: Problem, options: Options, clock: Clock, workers: int) -> None:
+        self.asked, self.options, self.clock, self.workers = problem, options, clock, workers
         self.problem = problem  # objective=inlet enlarges I: what is proven may ask for more than was asked
         self.template = template_named(options.template)
         self.history: list[dict[str, float]] = []
@@ -317,7 +333,7 @@ class _Search:
                 learned.funnels,
                 target=target,
                 progress=self.clock,
-                workers=_cores(),
+                workers=self.workers,
                 solver=self.options.solver,
             )
         self.search["solver"] = ", ".join(found.solvers) or self.options.solver

@@ -362,8 +362,9 @@ def summary(result: "Result", objective: "Objective") -> str:
         )
     if loop is not None:
         lines.append(
-            f"{loop.cars} cars: {loop.left_funnel} left the funnel, {loop.left_safe} left S, {loop.missed_goal} missed "
-            f"G; largest V {loop.largest_value:.4g}"
+            f"{loop.cars} cars: {loop.left_funnel} left the funnel, {loop.left_safe} left S"
+            + (f", {loop.missed_goal} missed G" if problem.goal else "")
+            + f"; largest V {loop.largest_value:.4g}"
             + (f", arrival after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s" if loop.arrival else "")
         )
     lines.append("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items()))

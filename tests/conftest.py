@@ -39,7 +39,7 @@ def hand_made() -> Callable[..., Result]:
     """An inconclusive result with a funnel that nobody searched for: (problem, template, margin, **changes)."""
 
     def make(problem: Problem, template: str = "contracting", margin: float | None = None, **changes: object) -> Result:
-        shape = np.diag([6.0, 5.0, 4.5, 7.0]) + 0.1
+        shape = np.diag([6.0, 5.0, 4.5, 7.0, 5.5, 6.5][: problem.dimension]) + 0.1
         rate = 0.0 if problem.path.tube else 0.01
         segments = tuple(
             SegmentResult(Funnel(template_named(template), shape, rate, s.duration, 0.9), 1 / 3, margin)

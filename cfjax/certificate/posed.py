@@ -11,7 +11,8 @@ from flint import fmpq
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.plan import CELLS
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, round_funnel
-from cfjax.check.document import MOST_GRAM_ENTRIES, MOST_MONOMIALS
+from cfjax.check.decrease import SteadyDecrease
+from cfjax.check.document import MOST_GRAM_ENTRIES
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import TubeClaim, has_tube_structure
@@ -24,6 +25,35 @@ from cfjax.problem import Problem
 INSIDE = 0.9  # of I: bounds on a funnel that are not sharp refuse none that holds I
 
 
+def put_together(
+    problem: Problem,
+    statement: Statement,
+    kind: int,
+    share: fmpq,
+    template: Template,
+    beta_lower: float,
+    beta_inner: float | None,
+    change: float = 0.0,
+) -> list[SteadyDecrease]:
+    """Condition (d) of a funnel a little inside I, along a share of one of the path's distinct segments.
+
+    `change` is that of its level along the segment, of which a tube has none.
+
+    Raises:
+        ValueError, Broken: as `decreases_on` and `bounded`.
+    """
+    claim, segment, own = statement.claim, problem.path.distinct[kind], statement.claim.distinct[kind]
+    shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)
+    if isinstance(own, TubeClaim):
+        rate, stretch = 0.0, Stretch(fmpq(0), fmpq(0), own)
+    else:
+        dynamics = symbolic(statement.graph, claim.vehicle.states, tuple(claim.inputs))
+        is_smooth = not has_tube_structure(dynamics)
+        rate, stretch = change / segment.duration, bounded(own.pieces, fmpq(0), share * own.duration, is_smooth)
+    funnel = Funnel(template, shape, rate, segment.duration, beta_lower, beta_inner)
+    return decreases_on(problem, round_funnel(funnel, segment), statement.graph, stretch)
+
+
 def require_posable(
     problem: Problem, statement: Statement, template: Template, beta_lower: float, beta_inner: float | None = None
 ) -> None:
@@ -33,25 +63,14 @@ def require_posable(
         InputError: it cannot be put together, or not written for so many segments; says what was expected.
     """
     objects(problem=(problem, Problem), statement=(statement, Statement), template=(template, Template))
-    claim, distinct = statement.claim, problem.path.distinct
-    first = claim.distinct[0]
-    shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)
-    funnel = Funnel(template, shape, 0.0, distinct[0].duration, beta_lower, beta_inner)
+    distinct = problem.path.distinct
     vehicle = f"vehicle {problem.vehicle.name}: expected dynamics of which a proof can be put together"
     try:
-        if isinstance(first, TubeClaim):
-            stretch = Stretch(fmpq(0), fmpq(0), first)
-        else:
-            dynamics = symbolic(statement.graph, claim.vehicle.states, tuple(claim.inputs))
-            stretch = bounded(first.pieces, fmpq(0), first.duration / CELLS, not has_tube_structure(dynamics))
-        questions = decreases_on(problem, round_funnel(funnel, distinct[0]), statement.graph, stretch)
+        questions = put_together(problem, statement, 0, fmpq(1, CELLS), template, beta_lower, beta_inner)
     except Broken as error:
         raise InputError(str(error)) from None
     except ValueError as error:
         raise InputError(f"{vehicle}, already inside sets.inlet; got: {error}") from None
-    rows = max(map(len, questions[0].bases))
-    if rows > MOST_MONOMIALS:
-        raise InputError(f"{vehicle} from Gram matrices of at most {MOST_MONOMIALS} rows, got {rows}")
     entries = entries_of(questions)
     if entries > MOST_GRAM_ENTRIES:
         raise InputError(

@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from cfjax.certificate.rounding import round_rate, round_shape, round_whitening
 from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_funnel, write_stretch
 from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
-from cfjax.check.document import CellKey
+from cfjax.check.document import MOST_MONOMIALS, CellKey
 from cfjax.check.enclosure import Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.piece import Piece, between
@@ -191,6 +192,7 @@ def decreases_on(
     `degrees` of the Gram matrices are the least that do unless given.
 
     Raises:
+        TooLarge: Gram matrices, or polynomials, would be larger than a checker reads.
         ValueError: where the question cannot be put: the shell reaches the reference, a pole lies in the funnel.
         Broken: the vehicle's dynamics are not of the form in which a few references speak for all.
     """
@@ -225,6 +227,12 @@ def decreases_on(
     question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
     questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
     degrees = degrees or max(_gram_degrees(question) for question in questions)
+    rows = max(comb(len(states) + degree, degree) for degree in degrees)
+    if rows > MOST_MONOMIALS:  # known before a monomial of them is written down
+        raise TooLarge(
+            f"V' of degree {2 * degrees[0]} in {len(states)} states takes Gram matrices of {rows} rows, "
+            f"and a checker reads at most {MOST_MONOMIALS}"
+        )
     return [replace(question, degrees=degrees) for question in questions]
 
 

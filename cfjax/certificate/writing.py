@@ -39,7 +39,7 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
         "path": _path(problem, graph),
         "sets": {
             "inlet": {"half_axes": [_number(value) for value in problem.inlet.half_axes]},
-            "goal": {"half_axes": [_number(value) for value in problem.goal.half_axes]},
+            "goal": {"half_axes": [_number(value) for value in problem.goal.half_axes]} if problem.goal else None,
             "safe": {"half_widths": [_number(value) for value in problem.safe.half_widths]} if problem.safe else None,
             "obstacles": [
                 {"corners": [[_number(x), _number(y)] for x, y in obstacle.corners], "round": _number(obstacle.round)}

@@ -108,7 +108,7 @@ class ProblemClaim:
     path: str
     course: Course | TubeClaim
     inlet: tuple[fmpq, ...]  # half-axes of I
-    goal: tuple[fmpq, ...]  # half-axes of G
+    goal: tuple[fmpq, ...] | None  # half-axes of G; None of a tube of which none is asked
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
     obstacles: tuple[ObstacleClaim, ...]
     footprint: tuple[FootprintClaim, ...]
@@ -271,7 +271,9 @@ def _problem(item: Item) -> ProblemClaim:
         path=label,
         course=course,
         inlet=tuple(axis.positive() for axis in inlet.record("half_axes")[0].items(size, size)),
-        goal=tuple(axis.positive() for axis in goal.record("half_axes")[0].items(size, size)),
+        goal=None
+        if goal.value is None and isinstance(course, TubeClaim)  # a path has an end
+        else tuple(axis.positive() for axis in goal.record("half_axes")[0].items(size, size)),
         safe=None
         if safe.value is None
         else tuple(width.positive() for width in safe.record("half_widths")[0].items(size, size)),

@@ -62,6 +62,8 @@ def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness
             raise Broken("witness: not a deviation of the inlet I at which V is 1 or more")
         return "condition (a) fails: V(0, x) is not below 1 at a deviation of the inlet I"
     if witness.condition == "b":
+        if problem.goal is None:
+            raise Broken("witness: condition (b) is not asked of a tube without G")
         if not (inside and _form_of_axes(problem.goal, x) >= 1):
             raise Broken("witness: not a deviation outside the goal G at which V(T, x) is 1 or less")
         return "condition (b) fails: V(T, x) is not above 1 at a deviation outside the goal G"

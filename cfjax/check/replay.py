@@ -192,6 +192,7 @@ def _tube_message(problem: ProblemClaim, funnel: FunnelClaim, tube: TubeClaim, v
     """`way` is the length of path after which V ≤ 1 has become V ≤ β_in."""
     widths = ", ".join(decimal_text(width, ROUND_CEILING) for width in half_widths(funnel.shape))
     per_metre = fmpq(0) if funnel.margin_per_metre is None else funnel.margin_per_metre
+    kept = "" if problem.goal is None else "inside G and "
     comes_down = (
         f" Inputs that do so bring a car from V = 1 inside V <= {decimal_text(funnel.beta_inner, ROUND_CEILING)} "
         f"within {decimal_text(way, ROUND_CEILING)} m of the path."
@@ -203,7 +204,7 @@ def _tube_message(problem: ProblemClaim, funnel: FunnelClaim, tube: TubeClaim, v
         f"{_interval(tube.acceleration)} m/s^2. "
         f"{_sets(problem, ROUND_FLOOR, ROUND_CEILING)} From every start in I, anywhere along the path, inputs "
         f"{_inputs(problem, ROUND_FLOOR, ROUND_CEILING)} suffice to keep the car in the tube V <= 1 "
-        f"(shell from {decimal_text(funnel.beta_lower, ROUND_CEILING)}, half-widths ({widths})), inside G and inside "
+        f"(shell from {decimal_text(funnel.beta_lower, ROUND_CEILING)}, half-widths ({widths})), {kept}inside "
         f"{_safe(problem, ROUND_CEILING)}, for ever; "
         f"V decreases there with margin lambda = {decimal_text(funnel.margin, ROUND_FLOOR)} 1/s and "
         f"{decimal_text(per_metre, ROUND_FLOOR)} per metre of the reference at u0 = 1, or more." + comes_down
@@ -286,9 +287,9 @@ def _numbers(values: tuple[fmpq, ...], rounding: str) -> str:
 
 def _sets(problem: ProblemClaim, inlet: str, goal: str) -> str:
     """The half-axes, rounded as told."""
+    ends = "no G is asked" if problem.goal is None else f"G ({_numbers(problem.goal, goal)})"
     return (
-        f"Deviations ({', '.join(problem.vehicle.states)}): I has half-axes ({_numbers(problem.inlet, inlet)}), "
-        f"G ({_numbers(problem.goal, goal)})."
+        f"Deviations ({', '.join(problem.vehicle.states)}): I has half-axes ({_numbers(problem.inlet, inlet)}), {ends}."
     )
 
 

@@ -28,7 +28,7 @@ from cfjax.conf.schema import (
 )
 from cfjax.errors import InputError
 from cfjax.funnel import Objective
-from cfjax.options import Elimination, Options
+from cfjax.options import Elimination, Options, ProofLimits
 from cfjax.problem import Path, Problem, Vehicle
 
 
@@ -159,6 +159,7 @@ def options_of(config: Config) -> Options:
         built = {
             "objective": Objective(config.objective.kind, config.objective.margin),
             "polytope": Elimination(**vars(config.polytope)),
+            "proof": ProofLimits(**vars(config.proof)),
         }
         plain = [field.name for field in dataclasses.fields(Options) if field.name not in built]
         return Options(**built, **{name: getattr(config, name) for name in plain})

@@ -14,7 +14,7 @@ from omegaconf import MISSING
 
 from cfjax.coerce import one_of
 from cfjax.errors import InputError
-from cfjax.options import Elimination, Options
+from cfjax.options import Elimination, Options, ProofLimits
 from cfjax.problem import (
     KinematicBicycle,
     Path,
@@ -230,6 +230,8 @@ VEHICLE_KINDS: dict[str, type[VehicleConfig]] = {"bicycle": BicycleConfig, "cust
 class SetsConfig:
     """I and G: a number (radius of a ball) or one half-axis per state. S: one half-width per state, or null.
 
+    Of a tube G may be null: then it is the tube itself that is kept.
+
     Obstacles, which belong to S too: {disc: [x, y, radius]} or {polygon: [[x, y], ...]}, convex; m.
     """
 
@@ -257,6 +259,14 @@ class PolytopeConfig:
     batch: int = Elimination.batch
     demonstrations: str = Elimination.demonstrations  # mpc or revised
     delta: float = Elimination.delta
+
+
+@dataclass
+class ProofConfig:
+    """What a proof may take: it is estimated before anything is learned, and a larger one refused."""
+
+    memory: float | None = ProofLimits.memory  # GB; null: what is free
+    hours: float = ProofLimits.hours
 
 
 @dataclass
@@ -288,6 +298,7 @@ class Config:
     certificate: str = Options.certificate  # auto, segment or tube
     learner: str = Options.learner  # gradient or polytope
     polytope: PolytopeConfig = field(default_factory=PolytopeConfig)
+    proof: ProofConfig = field(default_factory=ProofConfig)
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     beta_lower: float = Options.beta_lower
     beta_inner: float | None = Options.beta_inner

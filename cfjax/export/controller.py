@@ -218,7 +218,7 @@ def _laps(result: Result) -> str:
     problem, first, last = result.problem, result.legs[0].funnel, result.legs[-1].funnel
     if not problem.path.closed:
         return "No: the path is open. Past its end the reference goes straight on; nothing is proven there."
-    if all(a <= b for a, b in zip(problem.goal.half_axes, problem.inlet.half_axes, strict=True)):
+    if all(a <= b for a, b in zip(problem.goal_axes, problem.inlet.half_axes, strict=True)):
         return "Yes: G lies in I, so that each lap begins as the first one."
     if np.array_equal(first.shape, last.shape) and last.rate >= 0:
         return "Yes: the last funnel is the first one, and no wider at the end."
@@ -231,7 +231,7 @@ def _banner(result: Result) -> str:
     path, vehicle = problem.path, problem.vehicle
     numbers = ", ".join(f"{name} {value}" for name, value in numbers_of(vehicle).items())
     axes = ", ".join(f"{axis:g}" for axis in problem.inlet.half_axes)
-    goal = ", ".join(f"{axis:g}" for axis in problem.goal.half_axes)
+    goal = ", ".join(f"{axis:g}" for axis in problem.goal_axes)
     kept = []
     if problem.safe:
         widths = ", ".join(f"{width:g}" for width in problem.safe.half_widths)

@@ -130,7 +130,7 @@ def falsify(
     chain = chain_of(alone, funnel.template, funnel.beta_lower, funnel.beta_inner, unit)
     here = instance_of(problem, segment, funnel.template, funnel.beta_lower, funnel.beta_inner)
     inverse = np.linalg.inv(funnel.shape)
-    inlet, goal = np.array(problem.inlet.half_axes), np.array(problem.goal.half_axes)
+    inlet, goal = np.array(problem.inlet.half_axes), np.array(problem.goal_axes)
     end, last = funnel.end_level, 0.0 if isinstance(segment, Tube) else segment.duration
     widest_at = 0.0 if end <= 1 else last
     points: list[WorstPoint] = []

@@ -19,6 +19,7 @@ from cfjax.problem.vehicle import Interval, Scalar
 
 
 PLACES = 129  # along a segment that varies
+FREE_REACH = 4.0  # in half-axes of I: how wide candidates start where there is no G
 DIRECTIONS = np.linspace(-1.3, 1.3, 27)  # rad: half-planes that are tried, about the shortest way to the obstacle
 
 
@@ -79,7 +80,7 @@ class Instance(NamedTuple):
     input_middle: Array | np.ndarray  # (1 + m,), u0 first
     input_half: Array | np.ndarray
     inlet: Array | np.ndarray  # half-axes of I, one per state
-    goal: Array | np.ndarray  # half-axes of G
+    goal: Array | np.ndarray  # half-axes of G; where none is asked, how far a search begins to look
     starts: Scalar  # 1 where the funnel has to hold I at its start, else 0
     ends: Scalar  # 1 where its end has to lie in G, else 0
     safe: Array | np.ndarray  # half-widths of S, at most π in the heading (V is continuous only short of the wrap)
@@ -152,7 +153,7 @@ def instance_of(
     parity = np.array(mirror or (1,) * problem.dimension)
     speed = references[..., 1]
     kinds, kind = problem.path.kinds, problem.path.distinct.index(segment)
-    may_grow = all(start < end for start, end in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))
+    may_grow = all(start < end for start, end in zip(problem.inlet.half_axes, problem.goal_axes, strict=True))
     # a link of a funnel with itself, or of several, asks that they shrink
     may_grow = may_grow and len(kinds) == 1 and not problem.path.closed
     safe = np.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension)
@@ -170,9 +171,9 @@ def instance_of(
         input_middle=np.array([interval.middle for interval in problem.inputs]),
         input_half=np.array([interval.half for interval in problem.inputs]),
         inlet=np.array(problem.inlet.half_axes),
-        goal=np.array(problem.goal.half_axes),
+        goal=np.array(problem.goal.half_axes if problem.goal else FREE_REACH * np.array(problem.inlet.half_axes)),
         starts=np.float64(kind == kinds[0]),
-        ends=np.float64(kind == kinds[-1]),
+        ends=np.float64(kind == kinds[-1] and problem.goal is not None),
         safe=safe,
         clearance=_clearance(problem, kind),
         change_bounds=tuple(map(np.float64, bounds)),

@@ -260,7 +260,8 @@ class _Inside:
         numbers = self.chain.funnels
         inlet, goal, safe = (np.asarray(values)[0] for values in (numbers.inlet, numbers.goal, numbers.safe))
         levels = np.array([self.template.level(rate, t) for rate, t in zip(rates, numbers.duration, strict=True)])
-        end = float(levels[np.asarray(numbers.ends) > 0].max())
+        ending = np.asarray(numbers.ends) > 0
+        end = float((levels[ending] if ending.any() else levels).max())
         if not end > 0:
             return None
         outer = np.minimum(goal**2 / end, safe**2 / max(levels.max(), 1.0))

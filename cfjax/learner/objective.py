@@ -92,6 +92,6 @@ def _most(problem: Problem) -> float:
     inlet = np.array(problem.inlet.half_axes)
     limits = [np.array(problem.safe.half_widths) / inlet] if problem.safe else []
     if problem.path.tube:
-        limits.append(np.array(problem.goal.half_axes) / inlet)
+        limits.append(np.array(problem.goal_axes) / inlet)
     limits.append(np.array([math.pi / inlet[0], WIDEST_INLET]))
     return float(min(limit.min() for limit in limits)) * (1 - 1e-6)

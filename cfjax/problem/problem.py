@@ -77,7 +77,7 @@ class Problem:
 
     path: Path
     inlet: Ellipsoid
-    goal: Ellipsoid
+    goal: Ellipsoid | None
     safe: Box | None
     obstacles: tuple[Obstacle, ...]
     footprint: tuple[FootprintDisc, ...]
@@ -90,7 +90,7 @@ class Problem:
         self,
         path: Path,
         inlet: Ellipsoid | Number | Numbers = 0.5,
-        goal: Ellipsoid | Number | Numbers = 0.5,
+        goal: Ellipsoid | Number | Numbers | None = 0.5,
         safe: Box | Number | Numbers | None = None,
         obstacles: Sequence[Obstacle | Mapping] | Numbers = (),
         footprint: Sequence[FootprintDisc] | Numbers = (FootprintDisc(),),
@@ -104,7 +104,7 @@ class Problem:
             self,
             path=coerce.instance("path", path, Path),
             inlet=ellipsoid("sets.inlet", inlet, states),
-            goal=ellipsoid("sets.goal", goal, states),
+            goal=None if goal is None else ellipsoid("sets.goal", goal, states),
             safe=None if safe is None else box("sets.safe", safe, states),
             obstacles=obstacles_of(obstacles),
             footprint=footprint_of(footprint),
@@ -124,6 +124,8 @@ class Problem:
         if heading >= np.pi:
             degrees = f"; {heading:g} degrees are {np.radians(heading):.4g} rad" if heading < 180 else ""
             raise InputError(f"sets.inlet: expected a heading below pi rad, got {heading}{degrees}")
+        if self.goal is None and not self.path.tube:
+            coerce.refuse("sets.goal", "a number or half-axes for a path, which ends", None)
         if self.timing.lower <= 0 or 1.0 not in self.timing:
             coerce.refuse("timing", "0 < lower <= 1 <= upper", [self.timing.lower, self.timing.upper])
         if self.safe:
@@ -133,7 +135,7 @@ class Problem:
                         f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
                     )
         if self.path.tube:
-            for state, start, end in zip(states, self.inlet.half_axes, self.goal.half_axes, strict=True):
+            for state, start, end in zip(states, self.inlet.half_axes, self.goal_axes, strict=True):
                 if start >= end:
                     raise InputError(
                         f"sets.goal: expected more than sets.inlet, {start}, in {state}, for a tube that holds I "
@@ -168,6 +170,11 @@ class Problem:
         return tuple(
             (float(low), float(high)) for low, high in zip(needed.min(axis=0), needed.max(axis=0), strict=True)
         )
+
+    @property
+    def goal_axes(self) -> tuple[float, ...]:
+        """Half-axes of G in the states' units; infinite where none is asked."""
+        return self.goal.half_axes if self.goal else (math.inf,) * self.dimension
 
     @property
     def dimension(self) -> int:

@@ -377,7 +377,7 @@ def result_json(result: Result) -> dict[str, Any]:
         },
         "sets": {
             "inlet": list(problem.inlet.half_axes),
-            "goal": list(problem.goal.half_axes),
+            "goal": list(problem.goal.half_axes) if problem.goal else None,
             "safe": list(problem.safe.half_widths) if problem.safe else None,
             "obstacles": [_obstacle_json(obstacle) for obstacle in problem.obstacles],
         },

@@ -1,5 +1,6 @@
 """The picture of a tube: its sections with I and G, one of the paths it is proven for, and V along the way of cars."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,10 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Ellipse
 
 from cfjax.funnel import Funnel
-from cfjax.problem import Ellipsoid, Problem
+from cfjax.report.sections import Section, sections_of
 from cfjax.report.style import (
     CAR_COLOURS,
     EDGE_COLOUR,
@@ -39,12 +39,14 @@ def draw_tube(figure: Figure, result: Result) -> None:
         _draw_path(plane, found.funnel, cars)
         _draw_values(values, found.funnel, cars)
     below = rows[-1, 0]
-    _draw_sections(below.subplots(1, 3), result.problem, found.funnel)
+    sections = list(sections_of(result))
+    _draw_sections(below.subplots(1, len(sections)), sections)
     handles = [
         Line2D([], [], color=EDGE_COLOUR, lw=1.4, label="tube $V = 1$"),
         Line2D([], [], color=INLET_COLOUR, lw=1.2, label="starts $I$"),
-        Line2D([], [], color=GOAL_COLOUR, lw=1.2, label="bound $G$"),
     ]
+    if result.problem.goal:
+        handles.append(Line2D([], [], color=GOAL_COLOUR, lw=1.2, label="bound $G$"))
     below.legend(handles=handles, loc="outside lower left", ncols=3, fontsize=8, handlelength=1.6)
 
 
@@ -100,22 +102,13 @@ def _draw_values(axes: Axes, funnel: Funnel, cars: Rollouts) -> None:
     axes.set_xlim(0, float(np.median(way[-1])))
 
 
-def _draw_sections(panels: "np.ndarray", problem: Problem, funnel: Funnel) -> None:
+def _draw_sections(panels: "np.ndarray", sections: Sequence[Section]) -> None:
     """Shadows of the tube, I and G on pairs of states."""
-    names = ("heading (rad)", "lateral (m)", "longitudinal (m)", *problem.vehicle.internal_names)
-    labels = [name if name != "v" else "speed (m/s)" for name in names]
-    inverse = np.linalg.inv(funnel.shape)
-    for axes, (i, j) in zip(panels, ((1, 2), (1, 0), (2, min(3, len(labels) - 1))), strict=True):
-        outline = ellipse_outline(inverse[np.ix_((i, j), (i, j))])
-        axes.fill(*outline, color=FUNNEL_COLOUR)
-        axes.plot(*outline, color=EDGE_COLOUR, lw=1.4)
-        for ellipsoid, colour in ((problem.inlet, INLET_COLOUR), (problem.goal, GOAL_COLOUR)):
-            axes.add_patch(_section(ellipsoid, i, j, colour))
-        axes.set(xlabel=labels[i], ylabel=labels[j])
+    for axes, section in zip(panels, sections, strict=True):
+        for shadow in section.shadows:
+            if shadow.colour == EDGE_COLOUR:
+                axes.fill(*shadow.outline, color=FUNNEL_COLOUR)
+            axes.plot(*shadow.outline, color=shadow.colour, lw=1.4 if shadow.colour == EDGE_COLOUR else 1.2)
+        axes.set(xlabel=section.labels[0], ylabel=section.labels[1])
         axes.autoscale_view()
         axes.margins(0.06)
-
-
-def _section(ellipsoid: Ellipsoid, i: int, j: int, colour: str) -> Ellipse:
-    a = ellipsoid.half_axes
-    return Ellipse((0, 0), 2 * a[i], 2 * a[j], fill=False, edgecolor=colour, lw=1.2)

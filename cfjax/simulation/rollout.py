@@ -265,7 +265,7 @@ def drive_cars(
     driven = drive(problem.vehicle, template, law, table, profiles, around, starts, limit, every, MOST_ROWS + 1, stride)
     (last, _, clear), history = jax.block_until_ready(driven)
     rows = 1 + int((np.asarray(history.clock) < np.asarray(history.clock[-1])).any(axis=1).sum())
-    goal = np.stack(last.x, axis=-1) / np.array(problem.goal.half_axes)
+    goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)
     arrived = np.asarray(last.theta) >= end[-1]
     largest, clock = np.asarray(last.largest_value), np.asarray(last.clock)[arrived]
     inside = (np.asarray(last.worst_safe) <= 1 + ROUNDING) & (np.asarray(clear) >= -ROUNDING)

@@ -104,5 +104,5 @@ def track_of(problem: Problem, legs: Sequence[Leg], laps: int = 1) -> Track:
         laps=jnp.asarray(float(laps)),
         closed=jnp.asarray(float(path.closed)),
         safe=jnp.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension),
-        goal=jnp.array(problem.goal.half_axes),
+        goal=jnp.array(problem.goal_axes),
     )

@@ -331,7 +331,7 @@ def drive_tube_cars(
         funnel.template,
         loop_of(problem, numbers, length),
         Bounds(as_pair(tube.curvature), as_pair(tube.speed), as_pair(tube.acceleration)),
-        jnp.array(problem.goal.half_axes),
+        jnp.array(problem.goal_axes),
         _starts(key_starts, problem, funnel, cars),
         key_drive,
         steps,

@@ -12,9 +12,11 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from cfjax.check.program import Exponents, monomials
+from cfjax.solver.cost import available_memory, cost_of
 from cfjax.solver.program import CAP, NOT_FINITE, Program, Solution, Status, rows
 
 
+GB = 1e9
 _CVXPY = threading.Lock()  # it numbers its variables by a counter that threads may not share
 
 
@@ -51,6 +53,10 @@ def _solve(program: Program) -> Solution:
     started = time.perf_counter()
     if not program.is_finite:
         return Solution.failed(Clarabel.name, NOT_FINITE)
+    needed, free = cost_of(Clarabel.name, program.variables, program.degrees).memory, available_memory()
+    if needed > free:  # as the reference it is tried whatever the size is
+        message = f"it takes about {needed / GB:.2g} GB of memory, of which {free / GB:.2g} are free"
+        return Solution.failed(Clarabel.name, message)
     places = rows(program.variables, 2 * max(program.degrees))
     names = list(places)
     vectors = [np.eye(1, len(places))[0], *program.constraints]  # of the free square's factor, 1

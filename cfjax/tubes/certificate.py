@@ -63,7 +63,7 @@ def _sets(problem: Problem) -> dict[str, Any]:
 
     return {
         "inlet": axes(problem.inlet.half_axes),
-        "goal": axes(problem.goal.half_axes),
+        "goal": axes(problem.goal_axes),
         "safe": axes(problem.safe.half_widths) if problem.safe else None,
     }
 

@@ -69,10 +69,10 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
             f"path {problem.path.name}: expected at most {MOST_PIECES} polynomial pieces, which a certificate holds, "
             f"got {len(reference.pieces)}; smoother points (path.smoothing) or a part of the path need fewer"
         )
-    ratio = min(goal / start for start, goal in zip(problem.inlet.half_axes, problem.goal.half_axes, strict=True))
+    ratio = min(goal / start for start, goal in zip(problem.inlet.half_axes, problem.goal_axes, strict=True))
     inner = max(min(INNER_LEVEL, 0.25 * ratio**2), LEAST_INNER_LEVEL)
     # {V ≤ inner} lies in G where the tube lies in G enlarged
-    reach = [ROOM * axis / math.sqrt(inner) for axis in problem.goal.half_axes]
+    reach = [ROOM * axis / math.sqrt(inner) for axis in problem.goal_axes]
     reach[0] = min(reach[0], MOST_HEADING)
     bounds = Path("tube", (_bounds_of(problem.path, reference),))
     try:

@@ -14,10 +14,11 @@ from cfjax.certificate import program as certificate_program
 from cfjax.check import Outcome, check_document, check_file
 from cfjax.errors import InputError
 from cfjax.falsifier import falsify
-from cfjax.funnel import Funnel, Paper
-from cfjax.problem import Box, Path, Pose, Problem, ball, ellipse
+from cfjax.funnel import Contracting, Funnel, Paper
+from cfjax.problem import Box, Path, Pose, Problem, ball, circle, ellipse
 from cfjax.solver import Program, Solution, Status
 from cfjax.verdict import Verdict
+from experiments.vehicles.omnidirectional import Omnidirectional
 
 
 Candidate = Callable[..., tuple[Problem, Funnel]]
@@ -62,6 +63,21 @@ def test_violated_containments_are_not_certified(candidate: Candidate, parts: di
     found = certify(replace(problem, **parts), [funnel])
     assert (found.verdict, found.document, found.margins) == (Verdict.INCONCLUSIVE, None, None)
     assert f"condition {condition}" in found.message
+
+
+def test_a_vehicle_that_moves_in_any_direction_is_certified() -> None:
+    """What u0 does its own inputs do too: some of their signs exclude each other, and that is the proof there."""
+    problem = Problem(circle(laps=0.5), vehicle=Omnidirectional(), inlet=ball(0.4, 3), goal=ball(1.2, 3))
+    shape = np.array([[3.0, 0.0, 0.0], [0.0, 3.0, 0.5], [0.0, 0.5, 3.0]])
+    found = certify(problem, [Funnel(Contracting(), shape, 0.0, problem.path.segments[0].duration)])
+    assert found.verdict is Verdict.CERTIFIED
+    assert found.document is not None
+    (stretch,) = found.document["proofs"]["decrease"][0]["stretches"]
+    shown = {tuple(cell["signs"]): float(Fraction(cell["margin"])) for cell in stretch["cells"]}
+    assert len(shown) == 16
+    assert {signs for signs, margin in shown.items() if margin > 100} == {(1, 1, 1, 1), (1, 1, -1, 1)}
+    assert found.margins is not None
+    assert found.margins[0] == pytest.approx(min(shown.values()), rel=1e-3)
 
 
 def failing(candidate: Candidate, below: float) -> tuple[Problem, Funnel]:

@@ -71,9 +71,7 @@ def test_what_has_proofs_is_not_refused(problem: Problem) -> None:
 
 
 def test_a_vehicle_of_too_many_terms_is_refused() -> None:
-    assert "expected dynamics of which a proof can be put together from Gram matrices of at most 128" in refused(
-        wobbling(4)
-    )
+    assert "takes Gram matrices of 5005 rows, and a checker reads at most 128" in refused(wobbling(4))
     line = refused(wobbling(10))
     assert "already inside sets.inlet; got: a polynomial of the proof grows beyond what the checker takes" in line
     assert "\n" not in line

@@ -199,6 +199,54 @@ SPOILS = [
 ]
 
 
+def test_a_tube_may_go_without_a_goal(tube_text: str) -> None:
+    """What is said then is another statement, in another file."""
+    document = json.loads(tube_text)
+    with_goal = check_document(json.loads(tube_text))
+    document["problem"]["sets"]["goal"] = None
+    assert check_document(document).message == "hash: the content has changed since the hash was taken"
+    report = checked(document)
+    assert (report.outcome, report.margins) == (Outcome.PROVEN, with_goal.margins)
+    assert "inside G" in with_goal.message
+    assert "no G is asked." in report.message
+    assert "inside G" not in report.message
+    assert "G (" not in report.message
+
+
+@pytest.mark.parametrize("goal", [{}, [], False, 0, "null", {"half_axes": None}, {"half_axes": []}], ids=str)
+def test_nothing_else_is_no_goal(tube_text: str, goal: object) -> None:
+    document = json.loads(tube_text)
+    document["problem"]["sets"]["goal"] = goal
+    report = checked(document)
+    assert report.outcome is Outcome.UNREADABLE
+    assert "problem.sets.goal" in report.message
+
+
+def test_a_path_has_a_goal(paper_text: str, lap_text: str) -> None:
+    for text in (paper_text, lap_text):
+        document = json.loads(text)
+        document["problem"]["sets"]["goal"] = None
+        report = checked(document)
+        assert report.outcome is Outcome.UNREADABLE
+        assert "problem.sets.goal" in report.message
+
+
+def test_where_no_goal_is_asked_none_is_missed(tube_text: str) -> None:
+    """A witness against (b) that is one with G is none without it."""
+    document = json.loads(tube_text)
+    document["claim"] = "refutation"
+    del document["proofs"]
+    document["witness"] = {"condition": "b", "funnel": 0, "theta": "0", "reference": 0, "x": ["0", "1/8", "0", "0"]}
+    document["problem"]["sets"]["goal"] = {"half_axes": ["1/10"] * 4}
+    assert checked(document).outcome is Outcome.REFUTED
+    document["problem"]["sets"]["goal"] = None
+    report = checked(document)
+    assert (report.outcome, report.message) == (
+        Outcome.BROKEN,
+        "witness: condition (b) is not asked of a tube without G",
+    )
+
+
 @pytest.mark.parametrize("spoil", SPOILS, ids=lambda spoil: spoil.__name__)
 def test_a_stretched_claim_is_broken(tube_text: str, spoil: Callable[[Document], None]) -> None:
     document = json.loads(tube_text)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from cfjax.problem import Interval, KinematicBicycle, Twist, Vehicle
+from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
 
 
@@ -86,3 +87,19 @@ class Cart(Vehicle):
 
     def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
         return Twist(turn=turn_rate, lateral=0.0, forward=speed), (turn_rate / speed,)
+
+
+@dataclass(frozen=True)
+class Rooted(SteeredCar):
+    """Five states, and a square root of one among the factors of its rates."""
+
+    name: ClassVar[str] = "rooted"
+
+    def twist(self, internal: tuple, inputs: tuple) -> Twist:
+        v, w = internal
+        forward = v * jnp.sqrt(1 + w**2)
+        return Twist(turn=forward * w / self.wheelbase, lateral=0.0, forward=forward)
+
+    def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
+        w = self.wheelbase * turn_rate / speed
+        return Twist(turn=turn_rate, lateral=0.0, forward=speed), (speed / jnp.sqrt(1 + w**2), w)

@@ -64,6 +64,16 @@ def test_decrease_down_to_an_inner_level_costs_little() -> None:
     assert far.margin >= 0.97 * near.margin
 
 
+def test_a_tube_without_a_goal_is_as_good_and_wider() -> None:
+    """Nothing but I bounds it: what is a tube in G is one without it."""
+    free = replace(SMALL, goal=None)
+    found = learned(free)
+    assert found.margin >= 0.99 * learned(SMALL).margin
+    worst = {point.condition: point.slack for point in falsify(free, free.path.segments[0], found.funnel, seed=9)}
+    assert set(worst) == {"a", "c", "d"}
+    assert min(worst.values()) > 0
+
+
 def test_asymmetric_tubes_are_learned_for_both_ends() -> None:
     problem = replace(SMALL, path=tube(Interval(-0.5, 2.0), 2.0))
     found = learned(problem)

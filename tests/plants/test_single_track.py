@@ -180,5 +180,5 @@ def test_start_and_observation_are_inverse() -> None:
 
 
 def test_numbers_that_are_none_are_refused() -> None:
-    with pytest.raises(InputError, match="plant.lag: expected a positive finite number"):
+    with pytest.raises(InputError, match=r"plant\.lag: expected a positive finite number"):
         single_track(0.34, lag=0.0)

@@ -13,13 +13,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cfjax.conf import preset, preset_names, problem_of
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Disc, FootprintDisc, Problem
+from cfjax.problem import Disc, FootprintDisc, Problem, Vehicle, ball, circle, tube
+from cfjax.problem import Path as RoadPath
 from cfjax.report.along import panels, spans_of
+from cfjax.report.page import save_page
 from cfjax.report.plane import Course, Plane, body_region, disc_shadows, positions, shadows, swept
 from cfjax.report.plot import picture_of, save_picture
+from cfjax.report.run_folder import result_json
+from cfjax.report.sections import sections_of, shown_pairs
 from cfjax.report.style import STYLE
 from cfjax.result import Result, Rollouts, StretchMargin
 from cfjax.verdict import Verdict
+from experiments.vehicles.omnidirectional import Omnidirectional
+from experiments.vehicles.steered_car import SteeredCar
 from tests.shapes import eight
 
 
@@ -185,3 +191,34 @@ def test_far_obstacles_do_not_shrink_the_picture(hand_made: Make) -> None:
     low, high = Plane(hand_made(wide)).view[2:]
     assert near[3] < high < near[3] + 0.3 * (near[1] - near[0])
     assert low == near[2]
+
+
+@pytest.mark.parametrize(("states", "pairs"), [(3, 3), (4, 3), (5, 4), (6, 5)])
+def test_every_state_is_drawn_over_another_one(states: int, pairs: int) -> None:
+    drawn = shown_pairs(states)
+    assert len(set(map(frozenset, drawn))) == len(drawn) == pairs
+    assert all(one != other for one, other in drawn)
+    assert {state for pair in drawn for state in pair} == set(range(states))
+
+
+@pytest.mark.parametrize("vehicle", [Omnidirectional(), SteeredCar()], ids=["three states", "five states"])
+@pytest.mark.parametrize(
+    ("path", "has_goal"),
+    [(tube(1.5, 0.7), True), (tube(1.5, 0.7), False), (circle(), True)],
+    ids=["tube", "tube without G", "circle"],
+)
+def test_vehicles_of_other_sizes_have_their_pictures(
+    hand_made: Make, vehicle: Vehicle, path: RoadPath, has_goal: bool, tmp_path: Path
+) -> None:
+    size = len(vehicle.state_names)
+    goal = ball(0.6, size) if has_goal else None
+    made = hand_made(Problem(path, vehicle=vehicle, inlet=ball(0.3, size), goal=goal))
+    save_picture(made, tmp_path / "funnel.png")
+    save_page(made, tmp_path / "report.html")
+    sections = list(sections_of(made))
+    inverse = np.linalg.inv(made.segments[0].funnel.shape)
+    for (i, j), section in zip(shown_pairs(size), sections, strict=True):
+        (outline,) = (shadow.outline for shadow in section.shadows if shadow.role == "V = 1")
+        np.testing.assert_allclose(outline.max(axis=1), np.sqrt([inverse[i, i], inverse[j, j]]), rtol=2e-3)
+        assert [shadow.role for shadow in section.shadows] == ["V = 1", *["goal G"] * has_goal, "inlet I"]
+    assert result_json(made)["sets"]["goal"] == ([0.6] * size if has_goal else None)

@@ -10,9 +10,9 @@ from cfjax.problem import Interval
 from cfjax.report.along import spans_of, stretches_of
 from cfjax.report.page.cars import Car
 from cfjax.report.page.figure import Figure, Trace, axis, band, layout, level, line
-from cfjax.report.page.terms import input_label, state_label
 from cfjax.report.plane import Plane, positions
 from cfjax.report.rounded import margin_text, rounded_up, written
+from cfjax.report.sections import sections_of
 from cfjax.report.style import (
     BODY_COLOUR,
     BODY_EDGE_COLOUR,
@@ -24,14 +24,15 @@ from cfjax.report.style import (
     INLET_COLOUR,
     OBSTACLE_COLOUR,
     REFERENCE_COLOUR,
-    ellipse_outline,
 )
+from cfjax.report.terms import input_label
 from cfjax.result import Result
 
 
 FINE = 5e-4  # of the plane's size, to which outlines of regions are kept
 MOST_RINGS = 40  # inlets or outlets: more are no rings
 SHOWN_INPUTS = 12  # cars
+GAP = 0.4  # of the width, between panels side by side
 
 
 def plane_figure(result: Result, plane: Plane, cars: list[Car]) -> Figure:
@@ -179,32 +180,26 @@ def _hover(margins: Iterable[float]) -> dict[str, Any]:
 
 def section_figure(result: Result) -> Figure:
     """Shadows of the first funnel, at θ = 0, with I and G on pairs of states."""
-    problem, funnel = result.problem, result.segments[0].funnel
-    names, inverse = problem.vehicle.state_names, np.linalg.inv(funnel.shape)
-    pairs = ((1, 2), (1, 0), (2, min(3, len(names) - 1)))
     own = layout("", "")
     traces: list[Trace] = []
-    sets = (
-        (np.diag(np.square(problem.goal.half_axes)), GOAL_COLOUR, "goal G"),
-        (np.diag(np.square(problem.inlet.half_axes)), INLET_COLOUR, "inlet I"),
-    )
-    share = 1.0 / len(pairs)
-    for k, (i, j) in enumerate(pairs):
+    sections = list(sections_of(result))
+    gap = GAP / len(sections)
+    width = (1.0 - gap * (len(sections) - 1)) / len(sections)
+    for k, section in enumerate(sections):
         number = "" if k == 0 else str(k + 1)
-        begin = k * share
+        begin = k * (width + gap)
         own[f"xaxis{number}"] = axis(
-            state_label(names[i]),
-            domain=[begin + 0.045 * k, begin + share - 0.045 * (2 - k)],
-            anchor=f"y{number}",
-            nticks=5,
+            section.labels[0], domain=[begin, min(begin + width, 1.0)], anchor=f"y{number}", nticks=5
         )
-        own[f"yaxis{number}"] = axis(state_label(names[j]), anchor=f"x{number}", nticks=6)
-        for spread, colour, name in ((inverse, EDGE_COLOUR, "V = 1"), *sets):
-            outline = ellipse_outline(spread[np.ix_((i, j), (i, j))])
-            fill = {"fill": "toself", "fillcolor": FUNNEL_COLOUR} if colour == EDGE_COLOUR else {}
-            dash = "dash" if name.startswith("inlet") else "solid"
-            shadow = line(outline[0], outline[1], name, colour, 2.0, dash, **fill, hoverinfo="skip", showlegend=not k)
-            traces.append({**shadow, "xaxis": f"x{number}", "yaxis": f"y{number}", "legendgroup": name})
+        own[f"yaxis{number}"] = axis(section.labels[1], anchor=f"x{number}", nticks=6)
+        for shadow in section.shadows:
+            is_funnel = shadow.colour == EDGE_COLOUR
+            fill = {"fill": "toself", "fillcolor": FUNNEL_COLOUR} if is_funnel else {}
+            dash = "dash" if shadow.colour == INLET_COLOUR else "solid"
+            said = {**fill, "hoverinfo": "skip", "showlegend": not k}
+            across, up = shadow.outline
+            trace = line(across, up, shadow.role, shadow.colour, 2.0, dash, **said)
+            traces.append({**trace, "xaxis": f"x{number}", "yaxis": f"y{number}", "legendgroup": shadow.role})
     return Figure("sections", "Shadows of the funnel, of I and of G on pairs of states", traces, own)
 
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cfjax.problem import Disc
-from cfjax.report.page.terms import input_label, short_label
 from cfjax.report.rounded import MILLI, margin_text, rounded_down, rounded_up, written
 from cfjax.report.run_folder import numbers_of
+from cfjax.report.terms import input_label, short_label
 from cfjax.result import Result
 from cfjax.verdict import Verdict
 
@@ -120,8 +120,9 @@ def parameters(result: Result) -> Rows:
         rows.append(("footprint", f"disc of {number(disc.radius)} m, {number(disc.offset)} m ahead"))
     for name, box in zip(("u0", *vehicle.input_names), problem.inputs, strict=True):
         rows.append((input_label(name), f"{number(box.lower)} to {number(box.upper)}"))
-    for name, axes in (("inlet I", problem.inlet.half_axes), ("goal G", problem.goal.half_axes)):
-        rows.append((f"{name}, half-axes", _by_state(states, axes)))
+    for name, ellipsoid in (("inlet I", problem.inlet), ("goal G", problem.goal)):
+        axes = _by_state(states, ellipsoid.half_axes) if ellipsoid else "none: the tube itself"
+        rows.append((f"{name}, half-axes", axes))
     safe = "the whole plane" if problem.safe is None else _by_state(states, problem.safe.half_widths)
     rows.append(("safe set S, half-widths", safe))
     for obstacle in problem.obstacles:
