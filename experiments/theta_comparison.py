@@ -1,6 +1,6 @@
 """Two ways to prove condition (d) along half of the oval: θ as a fifth variable, or ends of the curvature's interval.
 
-    python experiments/theta_comparison.py [--pieces N]
+    python experiments/theta_comparison.py [--pieces N] [--solver NAME]
 
 The funnel is learned once. Then, numerically (sums of squares without their rounding): N pieces of θ, on each of which
 the turning rate and the funnel's level are quadratics in θ, and θ is a variable of the polynomials; and, as the package
@@ -17,17 +17,17 @@ import numpy as np
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax import Interval, KinematicBicycle
+from cfjax.certificate.program import coefficients, program_of
 from cfjax.certificate.rounding import dyadic
-from cfjax.certificate.sos import SosSolution, solve
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.program import monomials
 from cfjax.check.tube import TubeClaim
 from cfjax.conf import preset, problem_of
 from cfjax.exact import exact_course
 from cfjax.funnel import template_named
 from cfjax.learner import learn
+from cfjax.solver import DEFAULT, SOLVERS, Program, Solution, solver_named
 
 
 BITS = 40
@@ -47,7 +47,7 @@ def along(values: np.ndarray, t: np.ndarray) -> fmpq_mpoly:
 
 def with_theta(
     still: SteadyDecrease, turning: SteadyDecrease, omega: fmpq_mpoly, level: fmpq_mpoly
-) -> Iterator[SosSolution]:
+) -> Iterator[Program]:
     """Every sign cell of a piece: what is affine in the turning rate, between its values at 0 and 1 rad/s."""
     form, (t,) = lifted(still.form), RING.gens()[4:]
     beta = fmpq(9, 10)
@@ -64,12 +64,14 @@ def with_theta(
         degree = max(int(target.total_degree()), *(int(g.total_degree()) for g in constraints))
         order = -(-degree // 2)
         degrees = (order, *((2 * order - int(g.total_degree())) // 2 for g in constraints))
-        yield solve(target, level, constraints, [monomials(5, d) for d in degrees])
+        rows = [coefficients(polynomial, 2 * order) for polynomial in (target, level, *constraints)]
+        yield Program(5, degrees, rows[0], rows[1], np.array(rows[2:]))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pieces", type=int, default=8)
+    parser.add_argument("--solver", choices=SOLVERS, default=DEFAULT)
     arguments = parser.parse_args()
     problem = problem_of(preset("oval"))
     assert isinstance(problem.vehicle, KinematicBicycle) and problem.timing == Interval(0.5, 2.0)
@@ -82,7 +84,8 @@ def main() -> None:
     pieces = [piece for piece in exact_course(problem.path).pieces if piece.segment == 0]
     whole = bounded(pieces, fmpq(0), sum((piece.duration for piece in pieces), fmpq(0)))
     questions = decreases_on(problem, rounded, graph, whole)
-    found = [solve(q.target(c), q.drop(c), q.constraints(c), q.bases) for q in questions for c in q.cells()]
+    solver = solver_named(arguments.solver)
+    found = solver.solve([program_of(q, c) for q in questions for c in q.cells()])
     print(f"ends of the curvature, one stretch: {report(found)}")
 
     found = []
@@ -97,15 +100,15 @@ def main() -> None:
         still = question(0)
         turning = replace(question(1), enclosures=still.enclosures)
         level = along(np.asarray(learned.funnel.level(theta)), t)
-        part = list(with_theta(still, turning, along(segment.turn_rate.polynomial(theta), t), level))
+        part = solver.solve(list(with_theta(still, turning, along(segment.turn_rate.polynomial(theta), t), level)))
         print(f"theta a variable, {begin:.2f} to {end:.2f} s: {report(part)}", flush=True)
         found += part
     print(f"theta a variable, {arguments.pieces} pieces: {report(found)}")
 
 
-def report(solutions: list[SosSolution]) -> str:
+def report(solutions: list[Solution]) -> str:
     margin, seconds = min(s.margin for s in solutions), sum(s.seconds for s in solutions)
-    status = ", ".join(sorted({s.status for s in solutions}))
+    status = ", ".join(sorted({str(s) for s in solutions}))
     return f"margin {margin:.4f} 1/s, {len(solutions)} programs, {seconds:.1f} s ({status})"
 
 

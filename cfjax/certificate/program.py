@@ -20,18 +20,23 @@ LARGEST = 1e100  # of a solution's numbers: above, they are no hint
 MARGIN_BITS = 40  # of the margins that the document claims: rounded down
 
 
+def coefficients(polynomial: fmpq_mpoly, order: int) -> Float[np.ndarray, " r"]:
+    """Of all monomials up to the order."""
+    # of whole numbers: correctly rounded however long
+    terms = {tuple(map(int, e)): int(c.p) / int(c.q) for e, c in polynomial.to_dict().items()}
+    return dense(terms, polynomial.context().nvars(), order)
+
+
 def program_of(claim: FunnelProgram, cell: object) -> Program:
     """What a solver is asked about a cell."""
-    variables, order = len(claim.states), 2 * max(claim.degrees)
-
-    def numbers(polynomial: fmpq_mpoly) -> Float[np.ndarray, " r"]:
-        # of whole numbers: correctly rounded however long
-        terms = polynomial.to_dict().items()
-        return dense({tuple(map(int, e)): int(c.p) / int(c.q) for e, c in terms}, variables, order)
-
-    constraints = [numbers(constraint) for constraint in claim.constraints(cell)]
-    target, drop = numbers(claim.target(cell)), numbers(claim.drop(cell))
-    return Program(variables, tuple(claim.degrees), target, drop, np.array(constraints).reshape(-1, len(target)))
+    order = 2 * max(claim.degrees)
+    target, drop, *constraints = (
+        coefficients(polynomial, order)
+        for polynomial in (claim.target(cell), claim.drop(cell), *claim.constraints(cell))
+    )
+    return Program(
+        len(claim.states), tuple(claim.degrees), target, drop, np.array(constraints).reshape(-1, len(target))
+    )
 
 
 def solved(solver: Solver, programs: Sequence[Program]) -> list[Solution]:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from cfjax.check.program import Exponents, monomials
 from cfjax.solver.cost import available_memory, cost_of
-from cfjax.solver.program import CAP, NOT_FINITE, Program, Solution, Status, rows
+from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Solution, Status, rows
 
 
 GB = 1e9
@@ -96,7 +96,7 @@ def _solve(program: Program) -> Solution:
         tuple(0.5 * (gram + gram.T) * unit / scale for gram, scale in zip(values, scales, strict=True)),
         time.perf_counter() - started,
         Clarabel.name,
-        _second_moments(identity.dual_value, places, program.variables),
+        _second_moments(identity.dual_value, places, program.variables) if margin.value < AT_CAP * cap else None,
     )
 
 

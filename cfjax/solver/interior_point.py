@@ -30,7 +30,7 @@ from jaxtyping import Array, Bool, Float, Int
 from threadpoolctl import threadpool_limits
 
 from cfjax.solver.points import Space, space
-from cfjax.solver.program import CAP, NOT_FINITE, Program, Solution, Status
+from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Solution, Status
 
 
 TOLERANCE = 1e-6  # duality gap, of the target's largest value: below, the Schur complement loses its digits
@@ -325,8 +325,10 @@ def _answered(
             leading = grams[own[0]]
         size = len(change)  # monomials are sorted by degree: those of a lower one come first
         leading[:size, :size] += in_monomials[len(own) :].sum(axis=0)
-    moments = np.asarray(state.moments)
-    second = layout.space.points.T @ (moments[:, None] * layout.space.points) / moments.sum()
+    second = None
+    if state.margin < AT_CAP * posed.cap:  # else no point of the cell limits it
+        moments = np.asarray(state.moments)
+        second = layout.space.points.T @ (moments[:, None] * layout.space.points) / moments.sum()
     is_good = float(state.gap) < ACCURATE
     return Solution(
         Status.OPTIMAL if is_good else Status.INACCURATE,
@@ -334,7 +336,7 @@ def _answered(
         tuple(0.5 * (gram + gram.T) * scales.target for gram in grams),
         seconds,
         InteriorPoint.name,
-        second if np.isfinite(second).all() else None,
+        second if second is None or np.isfinite(second).all() else None,
         "" if is_good else f"gap {float(state.gap):.1g}",
     )
 

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from cfjax.check.program import Exponents, monomials
 
 
+AT_CAP = 1 - 1e-3  # of the cap: λ is as good as there, and no point of the cell limits it
 CAP = 16.0  # of λ where a program names none, in units of the target's largest number over the drop's
 
 

@@ -83,6 +83,7 @@ def test_on_an_empty_cell_the_margin_is_the_cap(solver: Solver, cap: float | Non
     (found,) = solver.solve([asked])
     assert found.status is Status.OPTIMAL
     assert found.margin == pytest.approx(cap, rel=1e-5) if cap else found.margin > 0.5 * CAP
+    assert found.second_moments is None
     assert identity_error(asked, found) < 1e-6
 
 
