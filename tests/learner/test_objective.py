@@ -116,7 +116,7 @@ def test_bad_objectives() -> None:
     for kind, margin, words in (
         ("depth", None, "expected one of margin, width, inlet"),
         ("width", None, "expected a positive number"),
-        ("inlet", float("nan"), "expected a positive number"),
+        ("inlet", float("nan"), "expected a positive finite number"),
         ("margin", 1.0, "expected none"),
     ):
         with pytest.raises(InputError, match=words):
