@@ -236,6 +236,24 @@ TABLE: dict[str, Callable[[], Call]] = {
         beta_lower=0.9,
         beta_inner=None,
     ),
+    "proof_size": lambda: slow(
+        cfjax.certificate.proof_size,
+        {"beta_inner": NONE} | PROBLEMS,
+        problem=PROBLEM,
+        statement=cfjax.certificate.statement_of(PROBLEM),
+        template=TEMPLATE,
+        beta_lower=0.9,
+        beta_inner=None,
+        solver="clarabel",
+    ),
+    "require_room": lambda: of(
+        cfjax.certificate.require_room,
+        tuple,
+        size=cfjax.certificate.proof_size(PROBLEM, cfjax.certificate.statement_of(PROBLEM), TEMPLATE, 0.9),
+        memory=None,
+        hours=9,
+        cores=1,
+    ),
     "dump": lambda: of(cfjax.certificate.dump, str, document={}),
     "plant_named": lambda: of(cfjax.plants.plant_named, text="model", vehicle=CAR),
     "sensor_named": lambda: of(cfjax.plants.sensor_named, text="mocap", vehicle=CAR),
@@ -399,7 +417,7 @@ ROOMS = (*ROOMS, "plants", "simulation", "baselines")
 UNCHECKED = {
     # plain tuples, looked at by whoever takes them (`test_plain_tuples_are_looked_at_where_they_are_taken`)
     *("FootprintDisc", "Leg", "Pose", "ReferencePoint", "Twist", "Demonstration", "Horizon", "Weights", "Suspect"),
-    *("Descent", "LawNumbers", "Located", "Link", "Stretch", "Sources", "Measurement", "Scene"),
+    *("Descent", "LawNumbers", "Located", "Link", "Stretch", "Sources", "Statement", "Measurement", "Scene"),
     # what a user derives a class from, and what has no arguments
     *("Vehicle", "Template", "Law", "Plant", "HostPlant", "Contracting", "Paper", "MinNorm", "Sontag", "LinSontag"),
     *("InputError", "library_files", "Method", "Verdict", "TEMPLATES", "LAWS", "PLANTS", "LATERAL", "Obstacle"),

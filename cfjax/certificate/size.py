@@ -14,10 +14,12 @@ from flint import fmpq
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.posed import put_together
 from cfjax.check.decrease import SteadyDecrease
+from cfjax.coerce import number, objects, one_of, whole
 from cfjax.errors import InputError
 from cfjax.funnel import Template
+from cfjax.funnel.funnel import inner_level
 from cfjax.problem import Problem, Tube
-from cfjax.solver import DEFAULT
+from cfjax.solver import DEFAULT, SOLVERS
 from cfjax.solver.cost import available_memory, cost_of
 
 
@@ -81,6 +83,10 @@ def proof_size(
 
     Segments at constant speed and curvature are alike, and so are the others: one of each is looked at.
     """
+    objects(problem=(problem, Problem), statement=(statement, Statement), template=(template, Template))
+    beta_lower = number("beta_lower", beta_lower, above=0, below=1)
+    beta_inner = inner_level(beta_inner, beta_lower)
+    one_of("solver", solver, SOLVERS)
     change = CHANGE * (beta_lower if beta_inner is None else beta_inner)
     found: dict[bool, list[SteadyDecrease]] = {}
     every = []
@@ -103,6 +109,9 @@ def require_room(size: ProofSize, memory: float | None, hours: float, cores: int
     Raises:
         InputError: one program alone needs more memory, or all of them more time.
     """
+    objects(size=(size, ProofSize))
+    memory = None if memory is None else number("proof.memory", memory, "GB", above=0)
+    hours, cores = number("proof.hours", hours, "h", above=0), whole("cores", cores, 1)
     room = available_memory() if memory is None else GB * memory
     whose = "which is free here" if memory is None else "as proof.memory says"
     if size.memory > room:

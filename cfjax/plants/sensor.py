@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from cfjax.coerce import refuse, whole
 from cfjax.errors import InputError
 from cfjax.plants.plant import number
+from cfjax.problem.sets import MOST_STATES
 
 
 FEWEST_REMEMBERED, MOST_REMEMBERED = 16, 4096  # control periods of delay
@@ -95,5 +96,5 @@ class Sensor(eqx.Module):
 
 def perfect(dimension: int) -> Sensor:
     """The true state, at once."""
-    size = whole("dimension", dimension, 1)
+    size = whole("dimension", dimension, 1, MOST_STATES)
     return Sensor(jnp.zeros(size), jnp.zeros(size))
