@@ -10,6 +10,7 @@ from jaxtyping import Float
 from cfjax.certificate.rounding import dyadic, round_gram
 from cfjax.certificate.writing import Gram
 from cfjax.check.document import unpack_triangle
+from cfjax.check.enclosure import TooLarge
 from cfjax.check.program import CellProof, FunnelProgram
 from cfjax.solver import REFERENCE, Program, Solution, Solver, Status, solver_named
 from cfjax.solver.program import dense
@@ -66,7 +67,11 @@ class Proven(NamedTuple):
 
 
 def prove(claim: FunnelProgram, cell: object, program: Program, solution: Solution) -> Proven:
-    """The exact proof that a solution hints at; where there is none, or a poor one, the reference solver's."""
+    """The exact proof that a solution hints at; where there is none, or a poor one, the reference solver's.
+
+    Raises:
+        TooLarge: it asks for more than the checker takes.
+    """
     first = _exact_proof(claim, cell, solution)
     if first.is_good or solution.solver == REFERENCE:
         return first
@@ -103,6 +108,8 @@ def _exact_proof(claim: FunnelProgram, cell: object, solution: Solution) -> Prov
         left = budget.left
         try:
             return Proven(solution, proof, grams, claim.proven_margin(proof))
+        except TooLarge:  # the checker takes no more, whoever's hints they are
+            raise
         except ValueError:  # not positive definite yet; the checker will not see this attempt, nor pay for it
             budget.left = left
     return Proven(solution, None, [], fmpq(0))

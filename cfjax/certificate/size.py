@@ -14,6 +14,7 @@ from flint import fmpq
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.posed import put_together
 from cfjax.check.decrease import SteadyDecrease
+from cfjax.check.enclosure import TooLarge
 from cfjax.coerce import number, objects, one_of, whole
 from cfjax.errors import InputError
 from cfjax.funnel import Template
@@ -82,6 +83,9 @@ def proof_size(
     """Of the problem's proof; None where it cannot be put together for all of a segment at once.
 
     Segments at constant speed and curvature are alike, and so are the others: one of each is looked at.
+
+    Raises:
+        InputError: it is more than a checker takes.
     """
     objects(problem=(problem, Problem), statement=(statement, Statement), template=(template, Template))
     beta_lower = number("beta_lower", beta_lower, above=0, below=1)
@@ -95,6 +99,8 @@ def proof_size(
         if alike not in found:
             try:
                 found[alike] = put_together(problem, statement, kind, fmpq(1), template, beta_lower, beta_inner, change)
+            except TooLarge as error:
+                raise InputError(f"vehicle {problem.vehicle.name}: expected a smaller proof, got: {error}") from None
             except ValueError:  # Broken among them: it is the proof, or `require_posable`, that says what is wrong
                 return None
         every.append(found[alike])

@@ -24,7 +24,7 @@ from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_funnel, write_stretch
 from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
 from cfjax.check.document import MOST_MONOMIALS, CellKey
-from cfjax.check.enclosure import Enclosure, TooLarge, UnaryEnclosure
+from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.piece import Piece, between
 from cfjax.check.program import Matrix
@@ -227,13 +227,26 @@ def decreases_on(
     question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
     questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
     degrees = degrees or max(_gram_degrees(question) for question in questions)
-    rows = max(comb(len(states) + degree, degree) for degree in degrees)
-    if rows > MOST_MONOMIALS:  # known before a monomial of them is written down
-        raise TooLarge(
-            f"V' of degree {2 * degrees[0]} in {len(states)} states takes Gram matrices of {rows} rows, "
-            f"and a checker reads at most {MOST_MONOMIALS}"
-        )
+    _require_readable(len(states), degrees, sum(1 for _ in question.cells()))
     return [replace(question, degrees=degrees) for question in questions]
+
+
+def _require_readable(states: int, degrees: tuple[int, ...], cells: int) -> None:
+    """That a checker takes Gram matrices so large, of so many cells of a reference: before a monomial is written down.
+
+    Raises:
+        TooLarge: says what would be too large.
+    """
+    rows = [comb(states + degree, degree) for degree in degrees]
+    size = f"V' of degree {2 * degrees[0]} in {states} states takes"
+    if max(rows) > MOST_MONOMIALS:
+        raise TooLarge(f"{size} Gram matrices of {max(rows)} rows, and a checker reads at most {MOST_MONOMIALS}")
+    effort = cells * sum(count**3 for count in rows)  # of their definiteness alone (`proven_margin`)
+    if effort > LARGEST_EFFORT:
+        raise TooLarge(
+            f"{size} {cells} times {len(rows)} Gram matrices of up to {max(rows)} rows: {effort / 1e6:.0f} million "
+            f"products at least, and a checker does at most {LARGEST_EFFORT / 1e6:.0f} million"
+        )
 
 
 def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
@@ -373,7 +386,7 @@ class Prover:
             if target and not solution.margin >= target:
                 raise _TooLittle
             question = questions[index]
-            found = self._proven(question, cell, program, solution)
+            found = self._proven(stretch, question, cell, program, solution)
             used.append(found.solution)
             if found.proof is None or not found.margin > 0:
                 raise self._not_proven(stretch, questions, index, cell, found, used)
@@ -412,11 +425,15 @@ class Prover:
         finally:
             self.clock["exact"] += time.perf_counter() - started
 
-    def _proven(self, question: SteadyDecrease, cell: Cell, program: Program, solution: Solution) -> Proven:
+    def _proven(
+        self, stretch: Stretch, question: SteadyDecrease, cell: Cell, program: Program, solution: Solution
+    ) -> Proven:
         """The exact proof of a cell, by the clock."""
         started = time.perf_counter()
         try:
             return prove(question, cell, program, solution)
+        except TooLarge as error:  # whatever the hints are
+            raise _not_possible(error, stretch.name) from error
         finally:
             self.clock["exact"] += time.perf_counter() - started
 

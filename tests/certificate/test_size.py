@@ -8,17 +8,19 @@ import pytest
 from flint import fmpq
 
 import cfjax.synthesis
-from cfjax.certificate import proof_size, require_room, statement_of
+from cfjax.certificate import certify, program, proof_size, require_room, statement_of
 from cfjax.certificate.program import program_of
 from cfjax.certificate.size import GB, ProofSize
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
+from cfjax.check import enclosure
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.options import Options, ProofLimits
 from cfjax.problem import KinematicBicycle, Method, Path, Problem, Vehicle, ball, circle, ellipse, oval, tube
+from cfjax.verdict import Verdict
 from experiments.vehicles.omnidirectional import Omnidirectional
 from experiments.vehicles.steered_car import SteeredCar
-from tests.check.vehicles import Rooted
+from tests.check.vehicles import Dragged, Rooted
 
 
 CONTRACTING = TEMPLATES["contracting"]
@@ -63,9 +65,9 @@ def test_counts_are_those_of_the_proof(problem: Problem, counts: tuple[int, ...]
     questions = decreases_on(problem, funnel, statement.graph, stretch)
     cells = [(question, cell) for question in questions for cell in question.cells()]
     assert size.cells == len(problem.path.distinct) * len(cells)
-    program = program_of(*cells[0])
-    assert len(program.target) == size.rows
-    assert max(program.degrees) == size.order
+    made = program_of(*cells[0])
+    assert len(made.target) == size.rows
+    assert max(made.degrees) == size.order
 
 
 def test_more_states_take_more() -> None:
@@ -90,7 +92,7 @@ def test_nothing_of_a_proof_is_made_that_no_checker_reads() -> None:
     claim = statement.claim.distinct[0]
     stretch = bounded(claim.pieces, fmpq(0), claim.duration, True)
     funnel = round_funnel(Funnel(CONTRACTING, 30 * np.eye(5), 0.0, segment.duration), segment)
-    with pytest.raises(match="at most 128"):
+    with pytest.raises(enclosure.TooLarge, match="at most 128"):
         decreases_on(problem, funnel, statement.graph, stretch)
 
 
@@ -130,3 +132,20 @@ def test_limits_reach_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_limits_are_positive_numbers(limits: dict[str, float]) -> None:
     with pytest.raises(InputError, match=r"^proof\.(memory|hours): expected a positive finite number"):
         ProofLimits(**limits)
+
+
+def test_a_proof_that_is_more_arithmetic_than_a_checker_does_is_refused() -> None:
+    """Gram matrices of 126 rows are read, but not sixteen times six of them."""
+    problem = asked(Dragged(), circle())
+    with pytest.raises(InputError, match=r"vehicle dragged: .* degree 8 in 5 states takes 16 times 6 Gram matrices"):
+        sized(problem)
+
+
+def test_what_the_checker_does_not_do_is_no_matter_of_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ends the certification of any funnel, and no other solver is tried."""
+    problem, funnel = asked(Omnidirectional(), circle(laps=0.5)), np.diag([1 / 0.25**2] * 3)
+    monkeypatch.setattr(enclosure.Budget, "__init__", lambda self: setattr(self, "left", 20_000))
+    monkeypatch.setattr(program, "solver_named", lambda *_: pytest.fail("another solver was tried"))
+    found = certify(problem, [Funnel(CONTRACTING, funnel, 0.0, problem.path.segments[0].duration)])
+    assert (found.verdict, found.final) == (Verdict.INCONCLUSIVE, True)
+    assert "more arithmetic than the checker takes" in found.message

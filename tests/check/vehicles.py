@@ -103,3 +103,15 @@ class Rooted(SteeredCar):
     def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
         w = self.wheelbase * turn_rate / speed
         return Twist(turn=turn_rate, lateral=0.0, forward=speed), (speed / jnp.sqrt(1 + w**2), w)
+
+
+@dataclass(frozen=True)
+class Dragged(SteeredCar):
+    """Five states, and a square root of one added to its rates."""
+
+    name: ClassVar[str] = "dragged"
+    drag: float = 0.1  # m/s²
+
+    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
+        (v, _), (thrust, rate) = internal, inputs
+        return thrust - self.drag * (jnp.sqrt(v**2 + 1.0) - 1.0), rate
