@@ -167,7 +167,7 @@ def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate
     apart = replace(segment, start=Pose(0.0, 0.0, 0.0))
     with pytest.raises(InputError, match=r"segment 1 starts .* m away"):
         certify(replace(problem, path=Path("apart", (segment, apart))), [funnel])
-    with pytest.raises(InputError, match="not negative"):
+    with pytest.raises(InputError, match="margin: expected a finite number of at least 0"):
         refute(problem, funnel, -1.0)
     reaching = Funnel(Paper(), funnel.shape, 0.2, funnel.duration)
     assert certify(problem, [reaching]).verdict is Verdict.INCONCLUSIVE

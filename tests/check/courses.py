@@ -6,7 +6,6 @@ the speed grows to the straight's. Two of both are a lap. Where the bend starts 
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from cfjax.check.tube import TubeClaim
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Path, Pose, Problem, Profile, Segment, ball
 from cfjax.problem.obstacles import Disc, FootprintDisc, Polygon
+from cfjax.solver import DEFAULT, solver_named
 
 
 SHAPE = np.array([[23.16, -11.77, 0, 0], [-11.77, 36.3, 0, 0], [0, 0, 36.96, 12.5], [0, 0, 12.5, 23.47]])
@@ -118,10 +118,10 @@ def assembled(
     question = write_problem(problem, graph)
     clearance = _prove_sets(problem, read_problem(question), funnels)
     found = []
-    with ThreadPoolExecutor(2) as pool:
-        for kind, (funnel, own) in enumerate(zip(funnels, stretches, strict=True)):
-            prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, pool, {"sos": 0.0, "exact": 0.0}, None)
-            found.append([prover.prove(stretch, 0.0) for stretch in own])
+    solver = solver_named(DEFAULT, 2)
+    for kind, (funnel, own) in enumerate(zip(funnels, stretches, strict=True)):
+        prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, solver, {"sos": 0.0, "exact": 0.0}, None)
+        found.append([prover.prove(stretch, 0.0) for stretch in own])
     written = [
         funnel.write(min(proof.margin for proof in own), None) for funnel, own in zip(funnels, found, strict=True)
     ]
