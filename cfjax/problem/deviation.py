@@ -134,7 +134,7 @@ def to_state(vehicle: Vehicle, x: "Sequence", pose: "Sequence", point: Reference
 
 
 def affine_deviation(
-    vehicle: Vehicle, x: Float[Array, " n"], reference: ReferencePoint
+    vehicle: Vehicle, x: Float[Array | np.ndarray, " n"], reference: ReferencePoint
 ) -> tuple[Float[Array, " n"], Float[Array, "n m"]]:
     """Drift f and input columns g with ẋ = f + g (u0, u): the dynamics are affine in the inputs.
 

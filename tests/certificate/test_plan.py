@@ -1,7 +1,6 @@
 """Stretches are chosen by the falsifier: as few as a target needs, none of them below it."""
 
 import itertools
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Stretch
 from cfjax.problem import Interval, Path, Pose, Problem, Profile, ReferencePoint, Segment, Tube, ball, deviation_rate
+from cfjax.solver import solver_named
 from cfjax.verdict import Verdict
 
 
@@ -188,8 +188,8 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
     monkeypatch.setattr(Prover, "prove", never)
     rounded, graph = round_funnel(funnel, varying), trace_deviation(problem.vehicle)
     (claim,) = read_problem(write_problem(problem, graph)).distinct
-    with ThreadPoolExecutor(1) as pool:
-        prover = Prover(problem, rounded, graph, 0, MOST_GRAM_ENTRIES, pool, {"plan": 0.0, "exact": 0.0}, None)
-        with pytest.raises(AssertionError, match="asked too much"):
-            prover.along(claim.pieces, 1.0)
+    clock = {"plan": 0.0, "exact": 0.0}
+    prover = Prover(problem, rounded, graph, 0, MOST_GRAM_ENTRIES, solver_named("batched"), clock, None)
+    with pytest.raises(AssertionError, match="asked too much"):
+        prover.along(claim.pieces, 1.0)
     assert asked == [9] and 9 * prover.entries <= MOST_GRAM_ENTRIES < 10 * prover.entries

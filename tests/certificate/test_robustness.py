@@ -4,7 +4,6 @@ import copy
 import math
 import re
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
@@ -103,8 +102,7 @@ def rates_of(problem: Problem, funnel: Funnel, cuts: int = 1) -> Rates:
         funnel.template.name, rounded.shape, rounded.rate, rounded.beta_lower, rounded.beta_inner, fmpq(1), None
     )
     ends = [segment.duration * fmpq(k + 1, cuts) for k in range(cuts)]
-    with ThreadPoolExecutor(1) as pool:
-        hints = hints_for(claim, dynamics, segment, one, ends, pool)
+    hints = hints_for(claim, dynamics, segment, one, ends, solver_named("batched"))
     read = [read_stretch(Item(entry, "stretch"), len(claim.vehicle.states), Room(10**6)) for entry in hints]
     return prove_rates(claim, dynamics, segment, one, fmpq(0), read, Budget(10**9))
 
