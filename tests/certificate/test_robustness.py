@@ -49,6 +49,7 @@ from cfjax.problem import (
     ball,
     deviation_rate,
 )
+from cfjax.solver import solver_named
 from tests.check.vehicles import Cart
 
 
