@@ -116,9 +116,9 @@ def _refusals(label: str) -> Iterator[None]:
 
 def main() -> int:
     """Entry point; the arguments are those of the command line."""
+    prepare_environment()
     from cfjax.report.run_folder import RESULT
 
-    prepare_environment()
     with lasting_streams():
         try:
             return _main()
@@ -187,7 +187,7 @@ def _main() -> int:
     def job(node: "DictConfig") -> None:
         begun.append(True)
         try:
-            with at_work(command):
+            with at_work(command), lasting_streams():  # a worker may outlive who hears it
                 if (result := run_job(node)) is not None:
                     results.append(result)
         except (InputError, NotWritten) as error:  # kept from Hydra, which would add lines of its own

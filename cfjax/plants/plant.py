@@ -31,7 +31,7 @@ def number(value: Any) -> Array:
     if isinstance(value, Array):
         return jnp.asarray(value, float)
     if real(value) is None:
-        return jnp.asarray(numbers("plant", value, "a number or a list of numbers"), float)
+        return jnp.asarray(numbers("plant", value, "a finite number or a list of finite numbers"), float)
     return jnp.asarray(finite("plant", value), float)
 
 

@@ -146,7 +146,7 @@ CASES = [
     (["+path=circle", "+vehicle.wheels=4"], "vehicle.wheels: no such key"),
     (["+path=circle", "method=both"], "method: expected one of pf, tt, got both"),
     (["+path=circle", "template=cubic"], "template: expected one of contracting, paper, got cubic"),
-    (["+path=circle", "proof.memory=0"], "proof.memory: expected a positive finite number (GB) or null, got 0.0"),
+    (["+path=circle", "proof.memory=0"], "proof.memory: expected a positive finite number (GB), got 0.0"),
     (["+path=circle", "proof.hours=-1"], "proof.hours: expected a positive finite number (h), got -1.0"),
     (["+path=circle", "learner=psychic"], "learner: expected one of gradient, polytope, got psychic"),
     (["+path=circle", "learner=polytope", "objective=width", "objective.margin=1"], "objective: expected margin with"),

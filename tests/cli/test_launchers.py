@@ -98,7 +98,7 @@ def test_a_launcher_runs_what_the_one_before_left(launcher: str, place: Path) ->
         output, _ = process.communicate()
     assert process.returncode == 2, output
     assert LAUNCHERS[launcher][1] in output
-    assert "job 2: bad input: sets.inlet: expected positive finite numbers, got -1" in output
+    assert "job 2: bad input: sets.inlet: expected a positive finite number, got -1" in output
     (folder,) = place.glob("multirun/*")
     table = pl.read_csv(folder / "table.csv")
     assert table["verdict"].to_list() == ["certified", "certified", "bad input"]

@@ -79,5 +79,5 @@ def test_the_table_puts_learners_side_by_side() -> None:
         line("polytope", None, verdict="inconclusive", candidates=9, witnesses=40, searches="1 too small", seconds=2.0),
     ]
     (row,) = compared(lines)
-    assert (row.gradient, row.polytope, row.revised, row.paper) == ("0.3", "inconclusive", "", "found")
+    assert (row.gradient, row.polytope, row.revised, row.paper) == ("0.2999", "inconclusive", "", "found")
     assert (row.candidates, row.witnesses, row.searches, row.seconds) == ("4 / 9", "40", "1 too small", "9 / 2")

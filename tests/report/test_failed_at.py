@@ -54,7 +54,7 @@ def test_the_stretch_that_proved_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
     def prove(self: Prover, stretch: Stretch, *_: Any) -> StretchProof:
         if self.kind == 1:
             raise NotProven(Verdict.INCONCLUSIVE, f"{stretch.name}nothing")
-        return StretchProof(stretch, (), fmpq(1), fmpq(1), 1.0, {}, (), 0)
+        return StretchProof(stretch, (), fmpq(1), fmpq(1), 1.0, {}, (), ())
 
     monkeypatch.setattr(Prover, "prove", prove)
     found = certify(problem, _funnels(problem, 0.53, 0.2))

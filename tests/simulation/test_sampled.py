@@ -200,8 +200,15 @@ def test_a_start_outside_s_is_told_and_driven_on() -> None:
     assert loop.left_safe_at[0] == 0 and loop.arrived.all()
 
 
+class Broken(Model):
+    """Its rates are no numbers."""
+
+    def rate(self, z, command, draw, scene):
+        return jnp.full(4, jnp.nan)
+
+
 def test_a_plant_that_breaks_ends_the_drive_and_nothing_else() -> None:
-    loop = disturbed(np.full(4, np.nan), "random")
+    loop = drive(Broken(lap()[0].vehicle))
     assert loop.failed.all() and not loop.arrived.any() and not loop.success.any()
     assert np.isfinite(loop.largest_value).all() and (loop.time == 0).all()
 
