@@ -17,7 +17,7 @@ from cfjax.solver.program import dense
 
 
 PADDINGS = (1e-7, 1e-6, 1e-5, 1e-4)  # of the largest Gram entry; tried in this order until the proof holds
-LARGEST = 1e100  # of a solution's numbers: above, they are no hint
+LARGEST = 2.0**63  # of a solution's numbers: larger ones could not be written
 MARGIN_BITS = 40  # of the margins that the document claims: rounded down
 
 
@@ -62,8 +62,9 @@ class Proven(NamedTuple):
 
     @property
     def is_good(self) -> bool:
-        """Whether there is nothing that another solver could mend."""
-        return self.proof is not None and self.margin > 0 and self.solution.status is Status.OPTIMAL
+        """Whether there is nothing that another solver could mend: of a bound the margin may well be negative."""
+        lost_by_rounding = self.solution.margin > 0 >= self.margin
+        return self.proof is not None and self.solution.status is Status.OPTIMAL and not lost_by_rounding
 
 
 def prove(claim: FunnelProgram, cell: object, program: Program, solution: Solution) -> Proven:
@@ -72,12 +73,17 @@ def prove(claim: FunnelProgram, cell: object, program: Program, solution: Soluti
     Raises:
         TooLarge: it asks for more than the checker takes.
     """
+    budget = claim.domain.budget
+    left = budget.left
     first = _exact_proof(claim, cell, solution)
     if first.is_good or solution.solver == REFERENCE:
         return first
+    budget.left = left  # one of the two will be in the file
     (other,) = solved(solver_named(REFERENCE), [program])
     second = _exact_proof(claim, cell, other)
-    return second if first.proof is None or (second.proof and second.margin > first.margin) else first
+    if second.proof is None:
+        return second if solution.status is Status.FAILED else first
+    return second if first.proof is None or second.margin > first.margin else first
 
 
 def _is_usable(claim: FunnelProgram, solution: Solution) -> bool:

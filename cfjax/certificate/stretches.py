@@ -383,7 +383,7 @@ class Prover:
         self.clock["sos"] += time.perf_counter() - started
         written, margins, per_metre, used = [], [], [], []
         for (index, cell), program, solution in zip(places, programs, solutions, strict=True):
-            if target and not solution.margin >= target:
+            if target and solution.status is Status.OPTIMAL and solution.margin < target:
                 raise _TooLittle
             question = questions[index]
             found = self._proven(stretch, question, cell, program, solution)

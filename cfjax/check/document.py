@@ -43,6 +43,7 @@ MOST_GRAM_ENTRIES = 1_500_000  # of the whole file; a circle's takes about 20 00
 MOST_PIECES = 4096  # of a path: a lap of a race track for a car of full size
 MOST_OBSTACLES, MOST_CORNERS, MOST_DISCS, MOST_HALF_PLANES = 64, 32, 8, 200
 LONGEST = 600  # bits of a path's coefficient; exact sums along a path take some hundred
+LONGEST_SUM = 8 * LONGEST  # bits of θ and arc length
 MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
 MOST_POWERS = 8  # of a path's polynomials
 LARGEST_GRAM_ENTRY = 2**64  # a circle's reach 2^36
@@ -373,6 +374,8 @@ def read_reference(start: Item, pieces: Item) -> Reference:
             raise Broken(f"path: the speed jumps at piece {len(found)}")
         found.append(piece)
         theta, arc = theta + piece.duration, arc + piece.length
+        if max(bits(theta), bits(arc)) > LONGEST_SUM:  # with unlike denominators they would grow from piece to piece
+            item.refuse(f"sums along the path of at most {LONGEST_SUM} bits")
     return Reference(tuple(found), ExactPose(heading, acb(arb(x), arb(y))))
 
 

@@ -135,7 +135,7 @@ def _is_dominated(matrix: fmpz_mat) -> bool:
     """Whether the matrix less some L Lᵀ is strictly diagonally dominant, its diagonal positive: one L is tried."""
     rows = [[int(entry) for entry in row] for row in matrix.tolist()]
     largest = max((row[k] for k, row in enumerate(rows)), default=0)
-    if largest <= 0:
+    if largest <= 0 or any(abs(entry) >= largest for k, row in enumerate(rows) for entry in row[:k]):
         return False
     shift = FACTOR_BITS - largest.bit_length()  # so that the largest entry of the matrix has as many bits
     lower = _cholesky([[_scaled(entry, shift) for entry in row] for row in rows])

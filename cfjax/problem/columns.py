@@ -52,7 +52,8 @@ def _words(text: str) -> frozenset[str]:
 
 
 OTHERS = _words(
-    "deg degree degrees ° rad radian radians px pixel pixels pct percent % rpm rads radps degs normalized norm cells"
+    "deg degree degrees ° rad radian radians px pixel pixels pct percent % rpm rads radps degs normalized norm cell "
+    "cells grid idx index"
 )
 _SHOWN = "m, mm, cm, km, ft, inch, yd or mi"
 _SHOWN_SPEEDS = "m/s, km/h, mph, ft/s, kn, cm/s or mm/s"
@@ -65,7 +66,7 @@ _NOT_DRIVEN = _words(  # speeds of something else, or numbers that are no speeds
 _NO_PLACES = _words(  # components of something else
     "v vel velocity speed a acc accel acceleration jerk j d dot delta n normal normvec normals t tangent dir direction "
     "q quat quaternion orientation twist angular linear rate w omega force f std sigma cov var err error e grad size "
-    "scale g gyro mag o u"
+    "scale g gyro mag o u curvature kappa width height"
 )
 
 
@@ -77,6 +78,7 @@ class Meaning(NamedTuple):
     used: tuple[str, ...]
     unused: tuple[str, ...]
     units: bool  # whether x and y say theirs
+    speed_unit: bool  # whether the speed does, if there is one
 
 
 class _Name(NamedTuple):
@@ -119,7 +121,8 @@ def meaning_of(names: Sequence[str]) -> Meaning | None:
     chosen: tuple[int, int, int | None] = (*pair, speed)
     used = tuple(parsed[index].text for index in chosen if index is not None)
     unused = tuple(name.text for index, name in enumerate(parsed) if index not in chosen and name.words)
-    return Meaning(chosen, (scales[0], scales[1], fast), used, unused, x.unit is not None)
+    says = speed is None or parsed[speed].unit is not None
+    return Meaning(chosen, (scales[0], scales[1], fast), used, unused, x.unit is not None, says)
 
 
 def meaning_by_place(table: Float[np.ndarray, "n columns"], plain: bool) -> Meaning:
@@ -133,11 +136,11 @@ def meaning_by_place(table: Float[np.ndarray, "n columns"], plain: bool) -> Mean
     if table.shape[1] not in (2, 3):
         raise InputError(f"expected columns x, y or x, y, speed, or names, got {table.shape[1]} without names; {ASK}")
     if table.shape[1] == 2:
-        return Meaning((0, 1, None), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)"), (), False)
+        return Meaning((0, 1, None), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)"), (), False, True)
     place, third = table[:, 0] + 1j * table[:, 1], table[:, 2]
     if problem := _no_speed(place, third) or _counted(table, plain):
         raise InputError(f"{problem}; {ASK}, with another name for what is none of these")
-    return Meaning((0, 1, 2), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)", "3 (speed, m/s)"), (), False)
+    return Meaning((0, 1, 2), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)", "3 (speed, m/s)"), (), False, False)
 
 
 def too_fast(name: str, fastest: float) -> str | None:
@@ -160,8 +163,14 @@ def geographic(names: Sequence[str]) -> str | None:
 
 def units_in(text: str) -> str | None:
     """The unit of length, other than m, of which a comment speaks."""
-    found = re.findall(r"[^\W\d_]+", text.lower())
+    found = re.findall(r"[^\W\d_]+", re.sub(r"\w+/\w+", "", text.lower()))  # km/h is none
     return next((word for word in found if LENGTHS.get(word, 1.0) != 1.0), None)
+
+
+def speed_unit_in(text: str) -> str | None:
+    """The unit of speed, other than m/s, of which a comment speaks; written as in a column's name."""
+    found = (word.replace("/", "") for word in re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?", text.lower()))
+    return next((word for word in found if SPEEDS.get(word, 1.0) != 1.0), None)
 
 
 def is_unit(text: str) -> bool:
@@ -209,13 +218,31 @@ def _unit(text: str) -> str | None:
 
 
 def _factor(column: _Name, units: dict[str, float], kind: str, shown: str) -> float:
+    if units is SPEEDS and column.unit and any(re.search(r"\d", word) for word in column.words):
+        raise InputError(f"expected {kind} in {shown}, got the column {column.text}, whose name has a number")
     if column.unit is None:
         if len(column.words) > 1 and column.words[-1] == "in":
             raise InputError(f"expected inches written out, or another name, got the column {column.text}")
+        if hint := _hidden_unit(column, counted=units is SPEEDS):
+            ending = "speed_kmh" if units is SPEEDS else "x_cm"
+            raise InputError(
+                f"expected {kind} whose unit ends its name, as {ending}, got the column {column.text} ({hint}?)"
+            )
         return 1.0
     if column.unit not in units:
         raise InputError(f"expected {kind} in {shown}, got the column {column.text}")
     return units[column.unit]
+
+
+def _hidden_unit(column: _Name, counted: bool) -> str | None:
+    """What in a column's name speaks of a unit or a scale that was not understood; of a speed any number does."""
+    words = re.findall(r"[^\W_]+", column.text.lower())
+    for word in words if len(words) > 1 else []:  # px is no pixel
+        letters = re.sub(r"\d+", "", word)
+        known = LENGTHS.get(letters) or SPEEDS.get(letters)
+        if (known and known != 1.0) or letters in OTHERS or (counted and (letters != word or "per" in letters)):
+            return word
+    return None
 
 
 def _places(parsed: list[_Name]) -> tuple[int, int] | None:

@@ -19,6 +19,7 @@ from cfjax.problem.columns import (
     is_unit,
     meaning_by_place,
     meaning_of,
+    speed_unit_in,
     too_fast,
     units_in,
 )
@@ -179,10 +180,15 @@ def _unnamed(file: File, table: Table) -> Meaning:
 
 def _look_for_units(table: Table, meaning: Meaning, header: Line | None = None) -> None:
     """Raises InputError where a comment beside the header speaks of a unit that the columns do not have."""
-    if meaning.units:
-        return
     for line in table.before:
-        if line is not header and (unit := units_in(line.text)):
+        if line is header:
+            continue
+        if not meaning.speed_unit and (unit := speed_unit_in(line.text)):
+            raise InputError(
+                f"row {line.number} speaks of {unit}: expected the unit in the name of the speed's column, as "
+                f"speed_{unit} (or speed_mps, where it is in m/s), in the header or by path.columns=[...]"
+            )
+        if not meaning.units and (unit := units_in(line.text)):
             raise InputError(
                 f"row {line.number} speaks of {unit}: expected the unit in the names of columns, as x_{unit},y_{unit} "
                 "(or x_m,y_m, where they are in metres), in the header or by path.columns=[...]"

@@ -212,6 +212,8 @@ def _moving(points: Points, least: float | None) -> Points:
     Raises:
         InputError: where the car stands, and `least` (m/s) does not say how fast it is instead; or goes back.
     """
+    if least is not None and points.speed is None:
+        raise InputError(f"path.least_speed: expected points with speeds, got none in {points.source}")
     if points.speed is None:
         return points
     first = int(points.speed.argmin())

@@ -2,6 +2,7 @@
 
 import importlib
 
+from cfjax.coerce import one_of
 from cfjax.solver.program import Program, Solution, Solver, Status
 
 
@@ -13,10 +14,14 @@ REFERENCE = "clarabel"  # what is tried again where the exact replay does not ac
 
 
 def solver_named(name: str | Solver, workers: int = 1) -> Solver:
-    """The solver of one of the names in SOLVERS, with `workers` programs side by side; a solver is one already."""
+    """The solver of one of the names in SOLVERS, with `workers` programs side by side; a solver is one already.
+
+    Raises:
+        InputError: for another name.
+    """
     if not isinstance(name, str):
         return name
-    module, own = SOLVERS[name]
+    module, own = SOLVERS[one_of("solver", name, SOLVERS)]
     return getattr(importlib.import_module(f"cfjax.solver.{module}"), own)(workers)
 
 

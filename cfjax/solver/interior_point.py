@@ -34,7 +34,8 @@ from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Solution, Sta
 
 
 TOLERANCE = 1e-6  # duality gap, of the target's largest value: below, the Schur complement loses its digits
-ACCURATE = 1e-4  # gap up to which a solution is called optimal
+ACCURATE = 1e-4  # gap and error up to which a solution is called optimal
+WORTHLESS = 1.0  # gap or error of the size of the target itself
 PENALTY = 1e-6  # on the traces of Gram matrices: short ones cost less in rounding; λ is short by some 1e-7
 MOST_STEPS = 40
 TO_THE_EDGE = 0.95  # of the way to the cone's boundary
@@ -305,7 +306,9 @@ def _restored(layout: _Layout, posed: _Posed, state: _State) -> tuple[Any, ...]:
     missing = posed.target - state.margin * posed.drop - sum(sides, np.zeros(len(posed.target)))
     weights = scipy.linalg.cho_solve(layout.squares, missing)
     first, *others = state.grams
-    return (first + (bases[0].T * weights) @ bases[0], *others)
+    restored = np.array(first)
+    restored[0] += (bases[0].T * weights) @ bases[0]
+    return (restored, *others)
 
 
 def _answered(
@@ -313,8 +316,8 @@ def _answered(
 ) -> Solution:
     """The iterate in the program's own numbers."""
     unit = scales.target / scales.drop
-    if not state.error < np.inf:
-        return Solution.failed(InteriorPoint.name, "no finite step", seconds)
+    if not max(state.gap, state.error) < WORTHLESS:
+        return Solution.failed(InteriorPoint.name, f"gap {float(state.gap):.1g}", seconds)
     grams: list[Any] = [None] * len(program.degrees)
     leading = np.zeros((0, 0))
     for own, stack, change in zip(layout.blocks, _restored(layout, posed, state), layout.to_monomials, strict=True):
@@ -329,7 +332,7 @@ def _answered(
     if state.margin < AT_CAP * posed.cap:  # else no point of the cell limits it
         moments = np.asarray(state.moments)
         second = layout.space.points.T @ (moments[:, None] * layout.space.points) / moments.sum()
-    is_good = float(state.gap) < ACCURATE
+    is_good = max(state.gap, state.error) < ACCURATE
     return Solution(
         Status.OPTIMAL if is_good else Status.INACCURATE,
         float(state.margin) * unit,

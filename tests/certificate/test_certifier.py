@@ -8,10 +8,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from flint import fmpq
 
 from cfjax.certificate import certify, dump, refute, statement_of
 from cfjax.certificate import program as certificate_program
 from cfjax.check import Outcome, check_document, check_file
+from cfjax.check.program import CellProof
 from cfjax.errors import InputError
 from cfjax.falsifier import falsify
 from cfjax.funnel import Contracting, Funnel, Paper
@@ -231,6 +233,30 @@ def test_the_reference_solver_mends_what_another_spoils(candidate: Candidate) ->
     problem, funnel = candidate("circle", "tt", "paper")
     found = certify(problem, [funnel], solver=BAD["nan in a matrix"])
     assert (found.verdict, found.solvers) == (Verdict.CERTIFIED, ("clarabel",))
+
+
+@pytest.mark.parametrize(
+    ("status", "margin", "proven", "good"),
+    [
+        (Status.OPTIMAL, 0.3, fmpq(29, 100), True),
+        (Status.OPTIMAL, -3.0, fmpq(-301, 100), True),  # a bound
+        (Status.OPTIMAL, 1e-9, fmpq(-1, 10**6), False),
+        (Status.INACCURATE, 0.3, fmpq(29, 100), False),
+        (Status.OPTIMAL, 0.3, None, False),
+    ],
+)
+def test_another_solver_is_asked_only_for_what_it_may_mend(
+    status: Status, margin: float, proven: fmpq | None, good: bool
+) -> None:
+    proof = None if proven is None else CellProof(None, proven, ())
+    solution = Solution(status, margin, None, 0.0, "oracle")
+    assert certificate_program.Proven(solution, proof, [], proven or fmpq(0)).is_good == good
+
+
+def test_an_unknown_solver_is_one_line(candidate: Candidate) -> None:
+    problem, funnel = candidate("circle", "tt", "paper")
+    with pytest.raises(InputError, match="solver: expected one of batched, clarabel, got clarabell"):
+        certify(problem, [funnel], solver="clarabell")
 
 
 def test_both_solvers_prove_the_same(candidate: Candidate) -> None:

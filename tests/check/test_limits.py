@@ -172,6 +172,17 @@ def test_endless_arithmetic_is_refused(certificate: Document, name: str) -> None
     assert len(report.message) < 300
 
 
+def test_sums_along_a_path_stay_short(certificate: Document) -> None:
+    """Durations with unlike denominators: θ and arc length would grow from piece to piece."""
+    pieces = [
+        {"segment": k, "duration": f"1/{10**399 + k}", "turn_rate": ["0"], "speed": ["1"]} for k in range(MOST_PIECES)
+    ]
+    certificate["problem"]["path"].update(pieces=pieces, kinds=list(range(MOST_PIECES)))
+    report = check_document(json.loads(json.dumps(certificate)), skip_hash=True)
+    assert report.outcome is Outcome.UNREADABLE
+    assert "sums along the path of at most" in report.message
+
+
 def test_functions_without_use_are_paid_for_on_every_stretch(
     certificate: Document, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -137,3 +137,4 @@ def test_numbers_of_any_length_are_decided() -> None:
         assert not is_positive_definite([[scale, 2 * scale], [2 * scale, scale]])
         assert not is_positive_definite([[scale, fmpq(0)], [fmpq(0), fmpq(0)]])
     assert is_positive_definite([[fmpq(2**3000), fmpq(0)], [fmpq(0), fmpq(1)]])  # of very unequal sizes
+    assert not is_positive_definite([[fmpq(1), fmpq(10**400)], [fmpq(10**400), fmpq(1)]])

@@ -162,6 +162,8 @@ REFUSED = {
     "x_mm,y_mm,v\n0,0,500\n1000,0,500\n": r": expected a unit of the speed beside x_mm, got v: write v_mps",
     "x,y,v\n0,0,300\n1,0,300\n": r": expected at most 120 m/s in the column v, got 300: say its unit",
     "# units: mm\nx,y\n0,0\n4000,0\n": r"row 1 speaks of mm: expected the unit in the names .* x_mm,y_mm",
+    "# v in kph\nx,y,v\n0,0,5\n1,0,5\n": r"row 1 speaks of kph: expected the unit in the name .* as speed_kph",
+    "# speed in km/h\nx_m,y_m,speed\n0,0,5\n1,0,5\n": r"row 1 speaks of kmh: expected the unit in .* speed_kmh",
     "latitude;longitude\n48.1;11.5\n48.2;11.6\n": r"row 1: expected x and y in m, got latitude and longitude: project",
     "# lon, lat\n48.1,11.5\n48.2,11.6\n": r"row 1: expected x and y in m, got latitude and longitude: project",
     "x,y\n4,0589,0,0000\n4,0341,0,3000\n": r"row 1 names 2 columns, row 2 has 4 \(a decimal comma needs another",
@@ -178,6 +180,37 @@ REFUSED = {
     "x,y\n0,0\n0.003,0.001\n": r": expected points in m that suit a wheelbase of 0\.34 m, got 0\.003162 m in all: say",
     "x,y\n" + "".join(f"{300 * i},{i}\n" for i in range(30)): r"got 300 m between points: .* as in x_mm,y_mm or x_m",
 }
+
+
+SPEEDS = (
+    "v_rad_s v_deg_s v_dm_s kmh_speed speed_kmh_ref speed_mph_limit speed_x100 speed(m/s)*10 v_m_s2 speed_kmperhour",
+    "v kmh target",
+    "speed kilometers per hour",
+)
+LENGTHS = ["cm_x", "x_cm_ref", "x_10cm", "x_ft_us", "x_cell", "x_grid"]
+HIDDEN = [f"x,y,{name}\n0,0,5\n1,0,5\n" for name in [*SPEEDS[0].split(), *SPEEDS[1:]]]
+HIDDEN += [f"{x},{x.replace('x', 'y')}\n0,0\n1,0\n" for x in LENGTHS]
+
+
+@pytest.mark.parametrize("text", HIDDEN)
+def test_a_unit_that_is_not_understood_is_not_passed_over(text: str, tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=r": expected a (speed|length) (in|whose unit) .*, got the column "):
+        waypoints(file)
+
+
+@pytest.mark.parametrize("names", ["x,y,speed_ref", "x,y,v_target", "wp_x_1,wp_y_1,vx_mps", "px,py,speed_mps"])
+def test_other_words_beside_a_name_are_no_units(names: str, tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    comment = "# not in km/h\n" if "mps" in names else ""
+    file.write_text(f"{comment}{names}\n0,0,2\n4,0,2\n")
+    assert waypoints(file).curve[0].speed.coefficients[0][0] == pytest.approx(2)
+
+
+def test_a_least_speed_needs_speeds() -> None:
+    with pytest.raises(InputError, match=r"path\.least_speed: expected points with speeds, got none"):
+        waypoints([(0, 0), (4, 0)], least_speed=1)
 
 
 @pytest.mark.parametrize("text", REFUSED)

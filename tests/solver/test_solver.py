@@ -70,6 +70,14 @@ def test_the_least_value_of_a_polynomial_is_found(solver: Solver) -> None:
         assert all(np.linalg.eigvalsh(gram)[0] > -1e-6 for gram in found.grams or ())
 
 
+def test_the_identity_is_restored_once_where_blocks_are_of_one_degree() -> None:
+    disc = {(0, 0): 1.0, (2, 0): -1.0, (0, 2): -1.0}
+    asked = program({(0, 0): 1.0, (1, 1): 1.0}, [disc, {(0, 0): 2.0}], (2, 1, 2))
+    (found,) = solver_named("batched").solve([asked])
+    assert found.margin == pytest.approx(0.5, abs=1e-5)
+    assert identity_error(asked, found) < 1e-9
+
+
 @pytest.mark.parametrize("cap", [None, 3.0])
 def test_on_an_empty_cell_the_margin_is_the_cap(solver: Solver, cap: float | None) -> None:
     """y0 ≥ 1/2 and −y0 ≥ 1/2: whatever is claimed there is true."""
