@@ -10,7 +10,10 @@ SOLVERS = {"batched": ("interior_point", "InteriorPoint"), "clarabel": ("clarabe
 """By name: module and class. Imported on first use, for either brings a library that takes a second to load."""
 
 DEFAULT = "batched"
-REFERENCE = "clarabel"  # what is tried again where the exact replay does not accept a hint
+"""What is used unless somebody says another."""
+
+REFERENCE = "clarabel"
+"""What is tried again where the exact replay does not accept a hint."""
 
 
 def solver_named(name: str | Solver, workers: int = 1) -> Solver:
