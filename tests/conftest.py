@@ -4,6 +4,7 @@ import pkgutil
 from collections.abc import Callable
 from pathlib import Path
 
+from hypothesis import settings
 from jaxtyping import install_import_hook
 
 
@@ -20,7 +21,6 @@ prepare_environment()  # commands and tests compile the same programs: what one 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
-from hypothesis import settings  # noqa: E402
 
 from cfjax.funnel import Funnel, template_named  # noqa: E402
 from cfjax.problem import Problem  # noqa: E402

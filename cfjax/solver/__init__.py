@@ -6,7 +6,7 @@ from cfjax.coerce import one_of
 from cfjax.solver.program import Program, Solution, Solver, Status
 
 
-SOLVERS = {"batched": ("interior_point", "InteriorPoint"), "clarabel": ("clarabel", "Clarabel")}
+SOLVERS = {"batched": ("batched", "Batched"), "clarabel": ("clarabel", "Clarabel")}
 """By name: module and class. Imported on first use, for either brings a library that takes a second to load."""
 
 DEFAULT = "batched"

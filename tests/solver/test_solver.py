@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cfjax.check.program import monomials
-from cfjax.solver import SOLVERS, Program, Solution, Solver, Status, interior_point, solver_named
+from cfjax.solver import SOLVERS, Program, Solution, Solver, Status, batched, solver_named
 from cfjax.solver.clarabel import product_matrix
 from cfjax.solver.points import space, vandermonde
 from cfjax.solver.program import CAP, dense
@@ -138,9 +138,18 @@ def test_lockstep_is_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on an accelerator: lanes side by side, the last chunk filled up."""
     programs = random_programs(2, (2, 1), 3)
     one_by_one = solver_named("batched").solve(programs)
-    monkeypatch.setattr(interior_point, "LANES", {jax.default_backend(): 2})
+    monkeypatch.setattr(batched, "LANES", {jax.default_backend(): 2})
     for first, second in zip(one_by_one, solver_named("batched").solve(programs), strict=True):
         assert first.margin == pytest.approx(second.margin, abs=1e-9)
+
+
+def test_single_precision_is_refused_loudly() -> None:
+    jax.config.update("jax_enable_x64", False)
+    try:
+        with pytest.raises(RuntimeError, match="double precision"):
+            solver_named("batched")
+    finally:
+        jax.config.update("jax_enable_x64", True)
 
 
 def test_points_determine_polynomials() -> None:
