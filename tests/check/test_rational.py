@@ -124,9 +124,11 @@ def test_a_rounded_factor_never_says_what_elimination_denies(monkeypatch: pytest
             if answer:
                 assert check_rational._has_positive_minors(whole)
     assert min(decided.values()) > 20
-    # a factor of somebody else's is no proof
-    not_definite = fmpz_mat([[2**60, 2**60 + 1], [2**60 + 1, 2**60]])
-    for lower in ([[2.0**47, 0.0], [2.0**47, 1.0]], [[0.0, 0.0], [0.0, 0.0]], [[2.0**52, 0.0], [0.0, 2.0**52]]):
+    # a factor of somebody else's is no proof: of a matrix with the eigenvalues 1.6, 1.6 and -0.2, in units of 5 · 2^60
+    not_definite = fmpz_mat([[5 * 2**60 if i == j else -3 * 2**60 for j in range(3)] for i in range(3)])
+    assert not check_rational._has_positive_minors(not_definite)
+    for size in (0.0, 1.0, 2.0**40, 2.0**47, 2.0**52):
+        lower = [[size if i == j else 0.0 for j in range(3)] for i in range(3)]
         monkeypatch.setattr(check_rational, "_cholesky", lambda _, own=lower: own)
         assert not check_rational._is_dominated(not_definite)
 

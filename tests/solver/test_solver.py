@@ -7,6 +7,7 @@ import pytest
 from cfjax.check.program import monomials
 from cfjax.solver import SOLVERS, Program, Solution, Solver, Status, batched, solver_named
 from cfjax.solver.clarabel import product_matrix
+from cfjax.solver.interior_point import State
 from cfjax.solver.points import space, vandermonde
 from cfjax.solver.program import CAP, dense
 
@@ -71,10 +72,18 @@ def test_the_least_value_of_a_polynomial_is_found(solver: Solver) -> None:
 
 
 def test_the_identity_is_restored_once_where_blocks_are_of_one_degree() -> None:
+    """From an iterate that is far from it: the first block alone takes what is missing."""
     disc = {(0, 0): 1.0, (2, 0): -1.0, (0, 2): -1.0}
     asked = program({(0, 0): 1.0, (1, 1): 1.0}, [disc, {(0, 0): 2.0}], (2, 1, 2))
-    (found,) = solver_named("batched").solve([asked])
-    assert found.margin == pytest.approx(0.5, abs=1e-5)
+    layout = batched._layout(*asked.shape)
+    posed, scales = batched._posed(layout, asked)
+    rng = np.random.default_rng(0)
+    shapes = [(size, basis.shape[1], basis.shape[1]) for size, basis in zip(layout.sizes, layout.bases, strict=True)]
+    halves = [rng.normal(size=shape) for shape in shapes]
+    grams = tuple(half @ half.mT for half in halves)
+    numbers = dict.fromkeys(State._fields, np.zeros(())) | {"moments": np.ones(len(posed.target))}
+    state = State(**numbers | {"margin": np.asarray(0.3), "grams": grams})
+    found = batched._answered(layout, asked, posed, scales, state, 0.0)
     assert identity_error(asked, found) < 1e-9
 
 
