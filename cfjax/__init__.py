@@ -5,8 +5,9 @@
 Names and rooms are loaded on first use, so that `cfjax.check` replays a proof without JAX.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from cfjax.lazy import on_first_use
 
 
 __version__ = "0.1.0"
@@ -41,41 +42,6 @@ if TYPE_CHECKING:
     from cfjax.synthesis import drive, search, synthesize
     from cfjax.tubes import Following, follow
     from cfjax.verdict import Verdict
-
-_WHERE = {
-    "InputError": "errors",
-    "Verdict": "verdict",
-    "demonstrate": "demonstrator",
-    "Result": "result",
-    "Options": "options",
-    **dict.fromkeys(("drive", "search", "synthesize"), "synthesis"),
-    **dict.fromkeys(("Following", "follow"), "tubes"),
-    **dict.fromkeys(("certify", "refute"), "certificate"),
-    **dict.fromkeys(("Contracting", "Funnel", "Objective", "Paper"), "funnel"),
-    **dict.fromkeys(
-        (
-            "Box",
-            "Ellipsoid",
-            "Interval",
-            "KinematicBicycle",
-            "Method",
-            "Path",
-            "Problem",
-            "Vehicle",
-            "ball",
-            "circle",
-            "ellipse",
-            "figure_eight",
-            "obstacle_path",
-            "oval",
-            "slalom",
-            "straight",
-            "tube",
-            "waypoints",
-        ),
-        "problem",
-    ),
-}
 
 _ROOMS = (
     *("baselines", "certificate", "check", "control", "demonstrator", "export", "falsifier", "funnel", "learner"),
@@ -120,12 +86,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name in _WHERE:
-        return getattr(importlib.import_module(f"cfjax.{_WHERE[name]}"), name)
-    if name in _ROOMS:
-        return importlib.import_module(f"cfjax.{name}")
-    raise AttributeError(f"module 'cfjax' has no attribute {name!r}")
+__getattr__ = on_first_use(__name__, _ROOMS)
 
 
 def __dir__() -> list[str]:

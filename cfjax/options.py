@@ -1,16 +1,13 @@
 """How to look for a funnel: apart from the search itself, so that a configuration is checked before it is imported."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-from cfjax.coerce import flag, instance, keep, number, objects, one_of, whole
+from cfjax import funnel
+from cfjax.coerce import flag, instance, keep, number, one_of, whole
 from cfjax.errors import InputError
-from cfjax.funnel import Objective, template_named
-from cfjax.funnel.funnel import inner_level
-from cfjax.problem import Interval, Method, Problem
-from cfjax.problem.problem import TIMING
+from cfjax.funnel import Objective
+from cfjax.funnel.levels import inner_level
 from cfjax.solver import DEFAULT, SOLVERS
 
 
@@ -18,7 +15,6 @@ CERTIFICATES = ("auto", "segment", "tube")
 LEARNERS = ("gradient", "polytope")
 CENTRES = ("mve", "analytic", "chebyshev")
 DEMONSTRATIONS = ("mpc", "revised")
-GRADIENTS = ("restarts", "rounds")  # of that learner alone
 LEAST_BETA_LOWER = 0.05  # below, no funnel of the paper's template has room to shrink in
 
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
@@ -113,7 +109,7 @@ class Options:
     cars: int = 10_000
 
     def __post_init__(self) -> None:
-        template_named(self.template)
+        funnel.template_named(self.template)
         one_of("certificate", self.certificate, CERTIFICATES)
         one_of("solver", self.solver, SOLVERS)
         one_of("learner", self.learner, LEARNERS)
@@ -130,54 +126,3 @@ class Options:
         )
         if self.learner == "polytope" and self.objective.margin is not None:
             raise InputError(f"objective: expected margin with learner=polytope, got {self.objective.kind}")
-
-
-def idle(problem: Problem, options: Options) -> list[str]:
-    """What is given and changes nothing, a line each: somebody may have meant something else by it."""
-    lines = []
-    if problem.method is Method.TT and problem.timing not in (TIMING, Interval(1.0, 1.0)):
-        lines.append(f"timing: {problem.timing} does nothing with method=tt, where u0 is 1")
-    for label, heading in (
-        ("sets.goal", problem.goal.half_axes[0] if problem.goal else 0.0),
-        ("sets.safe", problem.safe.half_widths[0] if problem.safe else 0.0),
-    ):
-        if heading > math.pi:
-            degrees = f"; {heading:g} degrees are {math.radians(heading):.4g} rad"
-            lines.append(f"{label}: {heading:g} rad of heading are no limit, for headings end at pi rad{degrees}")
-    of_others = {"gradient": _changed("polytope.", options.polytope), "polytope": _changed("", options, GRADIENTS)}
-    lines += [f"{name} does nothing with learner={options.learner}" for name in of_others[options.learner]]
-    return lines
-
-
-def _changed(prefix: str, options: Any, names: Sequence[str] = ()) -> list[str]:
-    """Which of the options are not as they are unless somebody says so."""
-    usual = type(options)()
-    return [
-        f"{prefix}{name}={value}"
-        for name, value in vars(options).items()
-        if name in (names or vars(usual)) and value != getattr(usual, name)
-    ]
-
-
-def check_question(problem: Problem, options: Options) -> None:
-    """What problem and options are good for by themselves but not together.
-
-    Raises:
-        InputError: names the option that does not go with the path, or what is no problem and no options.
-    """
-    objects(problem=(problem, Problem), options=(options, Options))
-    path = problem.path
-    if options.certificate == "tube" and not path.tube and problem.authority != 1:
-        raise InputError(f"authority: expected 1 for a path that tubes hold, got {problem.authority:g}")
-    if options.certificate == "tube" and options.template != "contracting":
-        raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
-    if options.learner == "polytope":
-        if options.certificate == "tube":
-            raise InputError("certificate: expected auto or segment with learner=polytope, got tube")
-        if path.tube:
-            raise InputError("learner=polytope: expected a path, got a tube")
-        if len(path.distinct) > 1:
-            raise InputError(
-                f"learner=polytope: expected one distinct segment, got {len(path.distinct)}: its coefficients are "
-                "those of one funnel"
-            )

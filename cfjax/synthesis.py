@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cfjax import coerce
+from cfjax import coerce, learner
 from cfjax.certificate import Statement, certify, proof_size, require_posable, require_room, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
@@ -20,9 +20,11 @@ from cfjax.demonstrator import demonstrate
 from cfjax.errors import InputError
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
-from cfjax.learner import Learned, learn_for, learn_polytope
-from cfjax.options import Options, Progress, check_question, idle
+from cfjax.learner import Learned, learn_for
+from cfjax.learner.objective import rank
+from cfjax.options import Options, Progress
 from cfjax.problem import Path, Problem, Vehicle
+from cfjax.question import check_question, idle
 from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
@@ -303,7 +305,7 @@ class _Search:
             return np.asarray(demonstrate(self.asked, x[same], theta[same]).inputs)[: len(x)]
 
         with self.clock.stage("learn"):
-            found = learn_polytope(
+            found = learner.learn_polytope(
                 self.asked,
                 self.template,
                 how,
@@ -384,7 +386,7 @@ class _Search:
             return (-1.0,)
         certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
         funnels = [found.funnel for found in result.segments]
-        return (*self.options.objective.rank(result.problem, funnels, certified), falsified)
+        return (*rank(self.options.objective, result.problem, funnels, certified), falsified)
 
 
 def _reason(error: Exception) -> str:

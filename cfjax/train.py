@@ -65,9 +65,9 @@ class Checks(Callback):
 
         from cfjax.conf import one_line
         from cfjax.errors import InputError
+        from cfjax.report.files import refuse_finished, require_room
         from cfjax.report.progress import progress_on
         from cfjax.report.resume import locked
-        from cfjax.report.run_folder import refuse_finished, require_room
 
         Checks.composed = True
         with _refusals("hydra.run.dir"):
@@ -85,8 +85,8 @@ class Checks(Callback):
             Checks.run = folder.absolute()
 
     def on_multirun_start(self, config: "DictConfig", **_: Any) -> None:
+        from cfjax.report.files import require_room
         from cfjax.report.resume import locked, open_sweep
-        from cfjax.report.run_folder import require_room
 
         Checks.composed = True
         with _refusals("hydra.sweep.dir"):
@@ -117,7 +117,7 @@ def _refusals(label: str) -> Iterator[None]:
 def main() -> int:
     """Entry point; the arguments are those of the command line."""
     prepare_environment()
-    from cfjax.report.run_folder import RESULT
+    from cfjax.report.files import RESULT
 
     with lasting_streams():
         try:
@@ -231,9 +231,9 @@ def run_job(node: "DictConfig") -> "Result | None":
 
     import cfjax.conf
     from cfjax.errors import InputError, NotWritten
+    from cfjax.report.files import COMMAND, require_room
     from cfjax.report.own_vehicle import is_proven_of
     from cfjax.report.resume import is_done, locked
-    from cfjax.report.run_folder import COMMAND, require_room
     from cfjax.report.table import ERROR, UNWRITTEN, write_error
     from cfjax.report.tracking import track_again
 
@@ -289,10 +289,11 @@ def run(
     """
     from cfjax.conf import waypoint_file, yaml_of
     from cfjax.errors import NotWritten
+    from cfjax.report.files import refuse_finished
     from cfjax.report.page import save_page
     from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
-    from cfjax.report.run_folder import keep_elsewhere, refuse_finished, write_run
+    from cfjax.report.run_folder import keep_elsewhere, write_run
     from cfjax.report.tracking import track
     from cfjax.synthesis import drive, harden, search
 
@@ -386,7 +387,7 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
     from omegaconf import open_dict
 
     from cfjax.conf import command_vehicle, options_of, problem_of, typed, waypoint_file, with_waypoint_file
-    from cfjax.options import check_question
+    from cfjax.question import check_question
 
     node = node.copy()
     with open_dict(node):

@@ -19,8 +19,9 @@ from pathlib import Path
 
 from cfjax.conf import options_of, preset, problem_of, yaml_of
 from cfjax.errors import InputError
+from cfjax.report.files import CONFIG, RESULT
 from cfjax.report.lines import markdown, write_lines
-from cfjax.report.run_folder import CONFIG, RESULT, read_run, write_run
+from cfjax.report.run_folder import read_run, write_run
 from cfjax.result import ClosedLoop, Result
 from cfjax.simulation import drive_cars
 from cfjax.synthesis import search

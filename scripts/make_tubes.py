@@ -21,8 +21,8 @@ from cfjax import InputError, Interval, Options, Problem, Verdict, ball, synthes
 from cfjax.certificate.writing import dump
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import rational
+from cfjax.report.files import write_whole
 from cfjax.report.progress import progress_on
-from cfjax.report.run_folder import write_whole
 from cfjax.tubes.store import pack, read_tube
 
 

@@ -6,8 +6,9 @@ import pytest
 import cfjax
 import cfjax.synthesis
 from cfjax.conf import options_of, preset, problem_of
-from cfjax.options import Elimination, Options, idle
+from cfjax.options import Elimination, Options
 from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight, tube
+from cfjax.question import idle
 from cfjax.result import Result
 
 

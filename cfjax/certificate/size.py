@@ -18,7 +18,7 @@ from cfjax.check.enclosure import TooLarge
 from cfjax.coerce import number, objects, one_of, whole
 from cfjax.errors import InputError
 from cfjax.funnel import Template
-from cfjax.funnel.funnel import inner_level
+from cfjax.funnel.levels import inner_level
 from cfjax.problem import Problem, Tube
 from cfjax.solver import DEFAULT, SOLVERS
 from cfjax.solver.cost import available_memory, cost_of

@@ -20,8 +20,8 @@ from cfjax.conf.build import (
 )
 from cfjax.conf.command_line import hydra_overrides, values_of
 from cfjax.conf.messages import one_line
-from cfjax.conf.own_vehicle import own_vehicle
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, CustomConfig
+from cfjax.conf.user_class import own_vehicle
 
 
 __all__ = [
@@ -44,6 +44,9 @@ __all__ = [
 ]
 
 _store = ConfigStore.instance()
+# There is one store, which nobody changes while a configuration is composed: Hydra copies it, with every schema in it,
+# each time it looks for a group's choices, 79 times for --help.
+vars(_store)["__deepcopy__"] = lambda _: _store
 _store.store("config", Config)
 for _kind, _path in PATH_KINDS.items():
     _store.store(_kind, _path, group="path_kind")

@@ -13,10 +13,10 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+import cfjax
 from cfjax.coerce import Refused
 from cfjax.conf.command_line import hydra_overrides
 from cfjax.conf.messages import one_line, shown
-from cfjax.conf.own_vehicle import own_vehicle
 from cfjax.conf.schema import (
     PATH_KINDS,
     VEHICLE_KINDS,
@@ -26,10 +26,9 @@ from cfjax.conf.schema import (
     VehicleConfig,
     WaypointsConfig,
 )
+from cfjax.conf.user_class import own_vehicle
 from cfjax.errors import InputError
-from cfjax.funnel import Objective
 from cfjax.options import Elimination, Options, ProofLimits
-from cfjax.problem import Path, Problem, Vehicle
 
 
 def typed(node: DictConfig) -> Config:
@@ -112,7 +111,7 @@ def config_of(text: str) -> Config:
     return typed(node)
 
 
-def command_vehicle(config: Config, started_in: pathlib.Path) -> Vehicle | None:
+def command_vehicle(config: Config, started_in: pathlib.Path) -> "cfjax.Vehicle | None":
     """The vehicle of the user's own that a command line asks for; None where it is another one.
 
     Not for a configuration that was read from a run's folder.
@@ -134,15 +133,15 @@ def with_waypoint_file(config: Config, file: pathlib.Path) -> Config:
     return dataclasses.replace(config, path=dataclasses.replace(config.path, file=str(file)))
 
 
-def problem_of(config: Config, vehicle: Vehicle | None = None) -> Problem:
+def problem_of(config: Config, vehicle: "cfjax.Vehicle | None" = None) -> "cfjax.Problem":
     """The question that the configuration asks, of its vehicle unless one is given.
 
     Raises:
         InputError: where it cannot be asked, or its vehicle is a class that a configuration does not load.
     """
     with _as_typed():
-        built: Vehicle = config.vehicle.build() if vehicle is None else vehicle
-        return Problem(
+        built: cfjax.Vehicle = config.vehicle.build() if vehicle is None else vehicle
+        return cfjax.Problem(
             path=_path_of(config.path, built),
             **vars(config.sets),
             footprint=config.vehicle.footprint,
@@ -157,7 +156,7 @@ def options_of(config: Config) -> Options:
     """How to look for a funnel."""
     with _as_typed():
         built = {
-            "objective": Objective(config.objective.kind, config.objective.margin),
+            "objective": cfjax.Objective(config.objective.kind, config.objective.margin),
             "polytope": Elimination(**vars(config.polytope)),
             "proof": ProofLimits(**vars(config.proof)),
         }
@@ -174,7 +173,7 @@ def _as_typed() -> Iterator[None]:
         raise InputError(f"{error.name}: expected {error.expected}, got {shown(error.value)}") from error
 
 
-def _path_of(config: PathConfig, vehicle: Vehicle) -> Path:
+def _path_of(config: PathConfig, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
     """The path; where its numbers, each good by itself, make none together, the message names their keys."""
     try:
         return config.build(vehicle)

@@ -6,29 +6,16 @@ only what has no object of its own.
 
 import abc
 import copy
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
 from omegaconf import MISSING
 
+import cfjax
 from cfjax.coerce import one_of
 from cfjax.errors import InputError
 from cfjax.options import Elimination, Options, ProofLimits
-from cfjax.problem import (
-    KinematicBicycle,
-    Path,
-    Vehicle,
-    circle,
-    ellipse,
-    figure_eight,
-    obstacle_path,
-    oval,
-    slalom,
-    straight,
-    tube,
-    waypoints,
-)
 
 
 INTERVAL = "a number or an interval [lower, upper]"
@@ -48,7 +35,7 @@ class PathConfig(abc.ABC):
     kind: str = MISSING
 
     @abc.abstractmethod
-    def build(self, vehicle: Vehicle) -> Path:
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         """The path, under the preset's name; the vehicle matters where the path's speed is made for it."""
 
 
@@ -58,19 +45,19 @@ class StraightConfig(PathConfig):
     length: float = 4.0  # m
     speed: float = 2.0  # m/s
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, straight(self.length, self.speed).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.straight(self.length, self.speed).segments)
 
 
 @dataclass
 class CircleConfig(PathConfig):
     kind: str = "circle"
     radius: float = 1.5  # m
-    speed: float = np.pi / 2  # m/s
+    speed: float = math.pi / 2  # m/s
     laps: float = 1.0
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, circle(self.radius, self.speed, self.laps).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.circle(self.radius, self.speed, self.laps).segments)
 
 
 @dataclass
@@ -78,8 +65,8 @@ class OvalConfig(PathConfig):
     kind: str = "oval"
     speed: float = 1.0  # m/s
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, oval(self.speed).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.oval(self.speed).segments)
 
 
 @dataclass
@@ -91,8 +78,8 @@ class EllipseConfig(PathConfig):
     segments: int = 2  # of each lap
     laps: int = 1
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, ellipse(self.a, self.b, self.speed, self.segments, self.laps).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.ellipse(self.a, self.b, self.speed, self.segments, self.laps).segments)
 
 
 @dataclass
@@ -101,8 +88,8 @@ class FigureEightConfig(PathConfig):
     size: float = 2.0  # m from the crossing to the farthest point
     speed: float = 1.0  # m/s
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, figure_eight(self.size, self.speed).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.figure_eight(self.size, self.speed).segments)
 
 
 @dataclass
@@ -113,8 +100,8 @@ class SlalomConfig(PathConfig):
     periods: int = 3
     speed: float = 1.0  # m/s
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, slalom(self.length, self.amplitude, self.periods, self.speed).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.slalom(self.length, self.amplitude, self.periods, self.speed).segments)
 
 
 @dataclass
@@ -122,8 +109,8 @@ class ObstacleConfig(PathConfig):
     kind: str = "obstacle"
     speed: float = 2.0  # m/s
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, obstacle_path(self.speed).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.obstacle_path(self.speed).segments)
 
 
 @dataclass
@@ -142,9 +129,9 @@ class WaypointsConfig(PathConfig):
     segment_length: float | None = None  # m; null: by the wheelbase, 10 m for a car of 0.34 m
     smoothing: float = 0.0  # m
 
-    def build(self, vehicle: Vehicle) -> Path:
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         try:
-            path = waypoints(
+            path = cfjax.waypoints(
                 self.file,
                 columns=self.columns,
                 closed=self.closed,
@@ -171,8 +158,8 @@ class TubeConfig(PathConfig):
     curvature: Any = _any_of(INTERVAL, 1.0)  # 1/m
     acceleration: Any = _any_of(INTERVAL, 0.0)  # dv/dtheta, m/s²
 
-    def build(self, vehicle: Vehicle) -> Path:
-        return Path(self.name, tube(self.curvature, self.speed, self.acceleration).segments)
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        return cfjax.Path(self.name, cfjax.tube(self.curvature, self.speed, self.acceleration).segments)
 
 
 PATH_KINDS: dict[str, type[PathConfig]] = {
@@ -196,7 +183,7 @@ class VehicleConfig(abc.ABC):
     footprint: Any = _any_of("a list of discs [radius, offset]", [[0.25, 0.0]])  # only obstacles ask for it
 
     @abc.abstractmethod
-    def build(self) -> Vehicle: ...
+    def build(self) -> "cfjax.Vehicle": ...
 
 
 @dataclass
@@ -206,8 +193,8 @@ class BicycleConfig(VehicleConfig):
     max_tan_steering: float = 1.0
     max_thrust: float = 4.0  # m/s²
 
-    def build(self) -> Vehicle:
-        return KinematicBicycle(self.wheelbase, self.max_tan_steering, self.max_thrust)
+    def build(self) -> "cfjax.Vehicle":
+        return cfjax.KinematicBicycle(self.wheelbase, self.max_tan_steering, self.max_thrust)
 
 
 @dataclass
@@ -218,7 +205,7 @@ class CustomConfig(VehicleConfig):
     target: str = MISSING
     parameters: dict[str, Any] = field(default_factory=dict)
 
-    def build(self) -> Vehicle:
+    def build(self) -> "cfjax.Vehicle":
         # config.yaml of a folder that somebody sent must not load code
         raise InputError(f"vehicle: {self.target} is a class of somebody's own: expected its name on the command line")
 

@@ -7,25 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from cfjax.coerce import array, instance, keep, number, real, refuse
+from cfjax.coerce import array, instance, keep, number, real
 from cfjax.errors import InputError
+from cfjax.funnel.levels import inner_level
 from cfjax.funnel.template import Template
 from cfjax.problem import Problem
 from cfjax.problem.vehicle import Scalar
 
 
-def inner_level(value: object, beta_lower: float) -> float | None:
-    """β_in; None where no lower level than β̲ is wanted.
-
-    Raises:
-        InputError: unless it is above 0 and at most β̲.
-    """
-    if value is None:
-        return None
-    level = real(value)
-    if level is None or not 0 < level <= beta_lower:
-        refuse("beta_inner", f"a number above 0 and at most beta_lower = {beta_lower}", value)
-    return level
+LATERAL = 1
+"""Index of the state x, the lateral deviation."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +96,12 @@ class Funnel:
         |∂q/∂x_i| ≤ 2 √(C_ii q), and V̇ = σ (q̇ + …) with σ q ≤ σ ρ: at θ = 0, where V = q, λ buys λ / (2 √C_ii).
         """
         return margin / (2 * np.sqrt(np.diag(self.shape)))
+
+
+def lateral_half_width(funnel: Funnel) -> float:
+    """Largest lateral deviation in the funnel at any θ, m."""
+    instance("funnel", funnel, Funnel)
+    return math.sqrt(max(1.0, funnel.end_level)) * float(funnel.half_widths()[LATERAL])
 
 
 def require_fit(problem: Problem, funnels: Sequence[Funnel]) -> None:

@@ -1,18 +1,12 @@
 """What a funnel is wanted for."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cfjax.coerce import instance, keep, number, one_of
+from cfjax.coerce import keep, number, one_of
 from cfjax.errors import InputError
-from cfjax.funnel.funnel import Funnel
-from cfjax.problem import Problem
 
 
 KINDS = ("margin", "width", "inlet")
-LATERAL = 1
-"""Index of the state x, the lateral deviation."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +36,3 @@ class Objective:
             keep(self, margin=number("objective.margin", self.margin, "1/s", above=0))
         elif self.margin is not None:
             raise InputError("objective.margin: expected none with objective=margin, which seeks the largest")
-
-    def rank(self, problem: Problem, funnels: Sequence[Funnel], margin: float) -> tuple[float, ...]:
-        """Larger is better: for funnels of the problem with that least certified margin (1/s, 0 for none)."""
-        if self.margin is None or margin < self.margin:
-            return 0.0, margin
-        width = max(map(lateral_half_width, funnels))
-        return 1.0, -width if self.kind == "width" else problem.inlet.half_axes[0]
-
-
-def lateral_half_width(funnel: Funnel) -> float:
-    """Largest lateral deviation in the funnel at any θ, m."""
-    instance("funnel", funnel, Funnel)
-    return math.sqrt(max(1.0, funnel.end_level)) * float(funnel.half_widths()[LATERAL])

@@ -17,8 +17,8 @@ from cfjax.falsifier.duel import Particles, Schedule, duel, ridge_coordinates, s
 from cfjax.falsifier.falsifier import GROUPS, SEARCH, Suspect, falsify, group_size, hunt, margin_scale
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import chain_excess, dual_coordinates
-from cfjax.funnel.funnel import inner_level
 from cfjax.funnel.instance import Chain, Instance, Unit, chain_of
+from cfjax.funnel.levels import inner_level
 from cfjax.problem import Method, Problem
 
 

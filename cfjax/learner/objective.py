@@ -5,14 +5,14 @@ are searches along one number, by bisection, each step a `learn` that starts fro
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cfjax.coerce import number, objects, refuse
-from cfjax.funnel import LATERAL, Objective, Template, lateral_half_width
+from cfjax.funnel import LATERAL, Funnel, Objective, Template, lateral_half_width
 from cfjax.learner.gradient import Learned, learn
 from cfjax.problem import Box, Ellipsoid, Problem
 
@@ -70,6 +70,14 @@ def learn_for(
             low, high = (middle, high) if good else (low, middle)
         report(step + 1, STEPS)
     return best
+
+
+def rank(objective: Objective, problem: Problem, funnels: Sequence[Funnel], margin: float) -> tuple[float, ...]:
+    """Larger is better: for funnels of the problem with that least certified margin (1/s, 0 for none)."""
+    if objective.margin is None or margin < objective.margin:
+        return 0.0, margin
+    width = max(map(lateral_half_width, funnels))
+    return 1.0, -width if objective.kind == "width" else problem.inlet.half_axes[0]
 
 
 def _lateral(learned: Learned) -> float:

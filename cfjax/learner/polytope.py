@@ -31,8 +31,8 @@ from cfjax.errors import InputError
 from cfjax.falsifier.falsifier import falsify
 from cfjax.funnel import Template
 from cfjax.funnel.conditions import CLEAR, chain_excess
-from cfjax.funnel.funnel import inner_level
 from cfjax.funnel.instance import Chain, Unit, chain_of
+from cfjax.funnel.levels import inner_level
 from cfjax.funnel.template import Paper
 from cfjax.learner.coefficients import GAP, Coordinates
 from cfjax.learner.demonstrations import Demonstrate

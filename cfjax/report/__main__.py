@@ -27,8 +27,8 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
     from cfjax.errors import InputError
+    from cfjax.report.files import RESULT
     from cfjax.report.page import write_index
-    from cfjax.report.run_folder import RESULT
     from cfjax.report.table import holds_sweep
 
     folder = options.folder
@@ -55,8 +55,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _write_page(folder: Path, vehicle: str | None) -> Path:
     """Raises InputError where the folder holds no run, or claims what the checker does not accept."""
+    from cfjax.report.files import REPORT, write_beside
     from cfjax.report.page import save_page
-    from cfjax.report.run_folder import REPORT, confirmed, read_run, write_beside
+    from cfjax.report.run_folder import confirmed, read_run
 
     path = folder / REPORT
     write_beside(save_page, _with_cars(confirmed(read_run(folder, vehicle), folder), folder), path)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cfjax.report.run_folder import write_whole
+from cfjax.report.files import write_whole
 
 
 def markdown(lines: Sequence[Any], without: Sequence[str] = ("seconds",)) -> str:

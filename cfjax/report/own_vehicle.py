@@ -8,7 +8,8 @@ from cfjax.certificate.writing import write_vehicle
 from cfjax.conf import Config, CustomConfig, own_vehicle
 from cfjax.errors import InputError
 from cfjax.problem import Problem, Vehicle
-from cfjax.report.run_folder import CERTIFICATE, read_config, read_json
+from cfjax.report.files import CERTIFICATE, read_json
+from cfjax.report.run_folder import read_config
 
 
 def named_vehicle(folder: Path, config: Config, target: str | None) -> Vehicle | None:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from cfjax.conf import values_of
 from cfjax.errors import InputError
-from cfjax.report.run_folder import CONFIG, RESULT, WAYPOINTS, read_json, versions, write_whole
+from cfjax.report.files import CONFIG, RESULT, WAYPOINTS, read_json, versions, write_whole
 
 
 SWEEP = "sweep.json"  # in a sweep's folder: what it asks

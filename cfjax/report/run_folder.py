@@ -18,14 +18,11 @@ import dataclasses
 import io
 import json
 import math
-import os
-import shutil
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +42,24 @@ from cfjax.exact import tube_within
 from cfjax.funnel import Funnel, template_named
 from cfjax.options import Progress
 from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
+from cfjax.report.files import (
+    CERTIFICATE,
+    CONFIG,
+    PICTURE,
+    REFERENCE,
+    REPORT,
+    RESULT,
+    ROBUSTNESS,
+    WAYPOINTS,
+    draft_of,
+    drawing_of,
+    read_json,
+    read_text,
+    refuse_finished,
+    versions,
+    write_beside,
+    write_whole,
+)
 from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, SegmentResult, StretchMargin, WorstPlace
 from cfjax.verdict import Verdict
 
@@ -52,29 +67,10 @@ from cfjax.verdict import Verdict
 if TYPE_CHECKING:
     from cfjax.conf import Config
 
-RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE = "result.json", "certificate.json", "robustness.json", "reference.csv"
-PICTURE, REPORT, CONFIG, WAYPOINTS = "funnel.png", "report.html", "config.yaml", "waypoints.csv"
-COMMAND = ("python", "-m", "cfjax.train")  # what a run's command begins with; its overrides follow
 REFERENCE_ROWS = 201  # per segment
-LEAST_ROOM = 20e6  # bytes that a run's folder may take: most of them for the page
-PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
 
 Check = Callable[[Path], Report]
 PROVES = {Verdict.CERTIFIED: Outcome.PROVEN, Verdict.REFUTED: Outcome.REFUTED}
-
-
-def refuse_finished(folder: Path) -> None:
-    """Raises InputError where the folder already holds a complete run: nothing is written over."""
-    if (folder / RESULT).exists():
-        raise InputError(f"run folder: expected an empty one, but {folder} already holds a run")
-
-
-def require_room(folder: Path) -> None:
-    """Raises NotWritten where the disk has no room for a run in the folder, which need not be there yet."""
-    there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.is_dir())
-    total, _, free = shutil.disk_usage(there)
-    if free < LEAST_ROOM and total:  # without a size it is none that counts its room
-        raise NotWritten(f"{folder}: expected at least {LEAST_ROOM / 1e6:.0f} MB free, got {free / 1e6:.2g} MB")
 
 
 def write_run(
@@ -145,7 +141,7 @@ def write_run(
 def _clear(folder: Path) -> None:
     """Removes what a run that was killed has left."""
     for leftover in (CERTIFICATE, ROBUSTNESS, REFERENCE, PICTURE, REPORT, CONFIG, WAYPOINTS):
-        for path in (folder / leftover, _draft(folder / leftover), _drawing(folder / leftover)):
+        for path in (folder / leftover, draft_of(folder / leftover), drawing_of(folder / leftover)):
             path.unlink(missing_ok=True)
 
 
@@ -307,37 +303,6 @@ def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -
         print(f"warning: {path.name} could not be drawn ({why or f'{type(error).__name__}: {error}'})", file=sys.stderr)
 
 
-def write_beside(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:
-    """Have a picture or page written beside its place and put it there when it is whole."""
-    draft = _drawing(path)
-    try:
-        picture(result, draft)
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that is never seen half-written: beside its place, to disk, then renamed."""
-    draft = _draft(path)
-    try:
-        with draft.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
-
-
-def _draft(path: Path) -> Path:
-    return path.with_name(f".{path.name}.part")
-
-
-def _drawing(path: Path) -> Path:
-    return path.with_name(f".part-{path.name}")  # keeps the suffix, which says what to draw
-
-
 def reference_csv(problem: Problem) -> str:
     """Samples of the path: segment, theta (s), alpha (rad), x, y (m), v (m/s), omega (rad/s); full precision.
 
@@ -392,17 +357,6 @@ def result_json(result: Result) -> dict[str, Any]:
         "command": result.command,
         "versions": versions(),
     }
-
-
-def versions() -> dict[str, str]:
-    """Of Python and of the packages that decide what comes out."""
-    found = {"python": ".".join(map(str, sys.version_info[:3]))}
-    for package in PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
 
 
 def _obstacle_json(obstacle: Obstacle) -> dict[str, Any]:
@@ -602,7 +556,7 @@ def read_config(folder: Path) -> "Config":
     """
     from cfjax.conf import config_of, waypoint_file, with_waypoint_file
 
-    config = config_of(_read_text(folder / CONFIG))
+    config = config_of(read_text(folder / CONFIG))
     return with_waypoint_file(config, folder / WAYPOINTS) if waypoint_file(config) else config
 
 
@@ -646,21 +600,3 @@ def _segment_of(data: dict[str, Any]) -> SegmentResult:
         span=(span[0], span[1]) if span else None,
         stretches=tuple(StretchMargin(**stretch) for stretch in data.get("stretches", ())),
     )
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """An object from a JSON file; raises InputError with the file's name."""
-    try:
-        data = json.loads(_read_text(path))
-    except ValueError as error:
-        raise InputError(f"{path}: expected JSON ({error})") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: expected a JSON object, got {type(data).__name__}")
-    return data
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error

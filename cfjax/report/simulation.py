@@ -18,9 +18,9 @@ from rich.table import Table
 
 from cfjax.plants import Model
 from cfjax.report.animation import save_animation
+from cfjax.report.files import versions, write_whole
 from cfjax.report.plane import Plane
 from cfjax.report.rounded import MILLI, rounded_down
-from cfjax.report.run_folder import versions, write_whole
 from cfjax.report.style import CAR_COLOURS, REFERENCE_COLOUR, STYLE, draw_shell
 from cfjax.result import Result
 from cfjax.simulation.sampled import SampledLoop

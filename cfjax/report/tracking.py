@@ -9,7 +9,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cfjax.conf import Config, CustomConfig, one_line
-from cfjax.report.run_folder import CERTIFICATE, PICTURE, confirmed, read_run, result_json, write_whole
+from cfjax.report.files import CERTIFICATE, PICTURE, write_whole
+from cfjax.report.run_folder import confirmed, read_run, result_json
 from cfjax.result import Result
 
 

@@ -1,9 +1,14 @@
 """The oracle: sums-of-squares programs in, numerical hints out. Nothing here decides what is proven."""
 
 import importlib
+from typing import TYPE_CHECKING
 
 from cfjax.coerce import one_of
-from cfjax.solver.program import Program, Solution, Solver, Status
+from cfjax.lazy import on_first_use
+
+
+if TYPE_CHECKING:
+    from cfjax.solver.program import Program, Solution, Solver, Status
 
 
 SOLVERS = {"batched": ("batched", "Batched"), "clarabel": ("clarabel", "Clarabel")}
@@ -16,7 +21,7 @@ REFERENCE = "clarabel"
 """What is tried again where the exact replay does not accept a hint."""
 
 
-def solver_named(name: str | Solver, workers: int = 1) -> Solver:
+def solver_named(name: "str | Solver", workers: int = 1) -> "Solver":
     """The solver of one of the names in SOLVERS, with `workers` programs side by side; a solver is one already.
 
     Raises:
@@ -29,3 +34,5 @@ def solver_named(name: str | Solver, workers: int = 1) -> Solver:
 
 
 __all__ = ["DEFAULT", "REFERENCE", "SOLVERS", "Program", "Solution", "Solver", "Status", "solver_named"]
+
+__getattr__ = on_first_use(__name__)

@@ -21,7 +21,8 @@ from cfjax.conf import options_of, preset, problem_of, yaml_of
 from cfjax.control import law_named
 from cfjax.errors import InputError
 from cfjax.plants import plant_named, sensor_named
-from cfjax.report.run_folder import RESULT, read_run, versions, write_run, write_whole
+from cfjax.report.files import RESULT, versions, write_whole
+from cfjax.report.run_folder import read_run, write_run
 from cfjax.report.style import STYLE
 from cfjax.result import Result
 from cfjax.simulation.controller import Follower

@@ -39,7 +39,7 @@ from cfjax.plants import Plant, Scene, Sensor
 from cfjax.plants.model import inputs_of, world_rate
 from cfjax.plants.plant import number
 from cfjax.problem import KinematicBicycle
-from cfjax.report.run_folder import write_whole
+from cfjax.report.files import write_whole
 from cfjax.report.style import STYLE
 from cfjax.result import Result
 from cfjax.simulation.controller import Controller, Follower

@@ -36,7 +36,7 @@ from cfjax.control.law import LAW_SHARE, law_numbers
 from cfjax.errors import InputError
 from cfjax.falsifier import first_escape
 from cfjax.funnel import Funnel, template_named
-from cfjax.options import Options, check_question
+from cfjax.options import Options
 from cfjax.problem import (
     KinematicBicycle,
     Method,
@@ -49,6 +49,7 @@ from cfjax.problem import (
     ball,
     deviation_rate,
 )
+from cfjax.question import check_question
 from cfjax.solver import solver_named
 from tests.check.vehicles import Cart
 

@@ -7,7 +7,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from cfjax.conf import options_of, preset, problem_of
-from cfjax.options import check_question
+from cfjax.question import check_question
 
 
 def _jobs(name: str, *given: str) -> list[list[str]]:

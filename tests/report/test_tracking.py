@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 from cfjax.conf import preset, problem_of, yaml_of
-from cfjax.report.run_folder import CERTIFICATE, PICTURE, write_run
+from cfjax.report.files import CERTIFICATE, PICTURE
+from cfjax.report.run_folder import write_run
 from cfjax.report.tracking import track
 from cfjax.result import Result
 

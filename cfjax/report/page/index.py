@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from cfjax.report.files import REPORT, write_whole
 from cfjax.report.page.page import environment, text_of
 from cfjax.report.page.tables import margin, number
-from cfjax.report.run_folder import REPORT, write_whole
 from cfjax.report.table import gather
 
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import jinja2
 
+from cfjax.report.files import CONFIG, RESULT, read_json, versions
 from cfjax.report.page import tables
 from cfjax.report.page.cars import cars_of
 from cfjax.report.page.figure import Figure
 from cfjax.report.page.flat import input_figure, margin_figure, plane_figure, section_figure, value_figure
 from cfjax.report.page.space import space_of_path, space_of_tube
 from cfjax.report.plane import Plane
-from cfjax.report.run_folder import CONFIG, RESULT, read_json, versions
 from cfjax.result import Result
 from cfjax.verdict import Verdict
 

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import cfjax
 from cfjax.errors import InputError
-from cfjax.problem import Vehicle
 
 
-def own_vehicle(target: str, parameters: Mapping[str, Any], started_in: Path) -> Vehicle:
+def own_vehicle(target: str, parameters: Mapping[str, Any], started_in: Path) -> "cfjax.Vehicle":
     """The vehicle of the class `module.Class`, constructed with the parameters.
 
     Raises:
@@ -34,7 +34,7 @@ def own_vehicle(target: str, parameters: Mapping[str, Any], started_in: Path) ->
             ) from error
         raise InputError(f"vehicle.target: cannot import {place} ({type(error).__name__}: {error})") from error
     found = getattr(module, name, None)
-    if not (isinstance(found, type) and issubclass(found, Vehicle)):
+    if not (isinstance(found, type) and issubclass(found, cfjax.Vehicle)):
         raise InputError(f"vehicle.target: expected a class {name} in {place} that is a cfjax.problem.Vehicle")
     try:
         vehicle = found(**parameters)
