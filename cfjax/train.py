@@ -231,10 +231,9 @@ def run_job(node: "DictConfig") -> "Result | None":
 
     import cfjax.conf
     from cfjax.errors import InputError, NotWritten
-    from cfjax.report.files import COMMAND, require_room
+    from cfjax.report.files import COMMAND, ERROR, UNWRITTEN, require_room, write_error
     from cfjax.report.own_vehicle import is_proven_of
     from cfjax.report.resume import is_done, locked
-    from cfjax.report.table import ERROR, UNWRITTEN, write_error
     from cfjax.report.tracking import track_again
 
     context = HydraConfig.get()
@@ -281,6 +280,8 @@ def run(
 ) -> "Result":
     """Search, write the run folder, log, and say what came out. Cars are driven when the proof is safe on disk.
 
+    The verdict is told before pictures are drawn, where the folder takes the proof.
+
     `command` made the run, and is kept with it. `group` gathers the jobs of a sweep where they are logged, unless
     wandb.group says another one.
 
@@ -290,8 +291,6 @@ def run(
     from cfjax.conf import waypoint_file, yaml_of
     from cfjax.errors import NotWritten
     from cfjax.report.files import refuse_finished
-    from cfjax.report.page import save_page
-    from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import keep_elsewhere, write_run
     from cfjax.report.tracking import track
@@ -299,6 +298,28 @@ def run(
 
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
+    told: list[str] = []
+
+    def tell(result: "Result") -> None:
+        if (text := summary(result, options.objective)) not in told:
+            print(text, flush=True)
+            told.append(text)
+
+    def driven(proven: "Result") -> "Result":
+        result = drive(proven, options, clock)
+        tell(result)  # what is left, pictures, takes its time
+        return result
+
+    def picture(result: "Result", path: Path) -> None:
+        from cfjax.report.plot import save_picture  # brings Matplotlib, when nobody waits for a verdict any more
+
+        save_picture(result, path)
+
+    def page(result: "Result", path: Path) -> None:
+        from cfjax.report.page import save_page
+
+        save_page(result, path)
+
     if problem.path.source:
         print(problem.path.source, flush=True)
     try:
@@ -308,25 +329,25 @@ def run(
                 result,
                 folder,
                 yaml_of(config),
-                save_picture,
+                picture,
                 harden=(lambda proven: harden(proven, options, clock)) if options.robustness else None,
-                drive=lambda proven: drive(proven, options, clock),
+                drive=driven,
                 points=points,
-                page=save_page,
+                page=page,
                 progress=clock,
             )
     except NotWritten as lost:
         try:
             result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points)
         except NotWritten as nowhere:
-            print(summary(nowhere.result, options.objective), flush=True)
+            tell(nowhere.result)
             raise
-        print(summary(result, options.objective))
+        tell(result)
         print(f"run: {elsewhere}", flush=True)
         raise NotWritten(f"{lost}; what came out is kept in {elsewhere}") from lost
     if config.logger == "wandb":
         track(result, config, folder, group)
-    print(summary(result, options.objective))
+    print("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items()))
     print(f"run: {folder}", flush=True)
     return result
 
@@ -368,7 +389,6 @@ def summary(result: "Result", objective: "Objective") -> str:
             + f"; largest V {loop.largest_value:.4g}"
             + (f", arrival after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s" if loop.arrival else "")
         )
-    lines.append("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items()))
     return "\n".join(lines)
 
 
@@ -401,8 +421,9 @@ def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, O
 
 
 def _finish_sweep(sweep: Path) -> int:
+    from cfjax.report.files import UNWRITTEN
     from cfjax.report.page import write_index
-    from cfjax.report.table import UNWRITTEN, gather, print_table, write_table
+    from cfjax.report.table import gather, print_table, write_table
 
     if not sweep.is_dir():
         return NOT_CERTIFIED

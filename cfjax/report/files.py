@@ -20,6 +20,8 @@ T = TypeVar("T")
 RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE = "result.json", "certificate.json", "robustness.json", "reference.csv"
 PICTURE, REPORT, CONFIG, WAYPOINTS = "funnel.png", "report.html", "config.yaml", "waypoints.csv"
 COMMAND = ("python", "-m", "cfjax.train")  # what a run's command begins with; its overrides follow
+ERROR = "error.json"  # in the folder of a job that reached no verdict
+UNWRITTEN = "not written"  # what such a job is called whose folder did not take its run
 LEAST_ROOM = 20e6  # bytes that a run's folder may take: most of them for the page
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
 
@@ -69,6 +71,12 @@ def draft_of(path: Path) -> Path:
 def drawing_of(path: Path) -> Path:
     """The same for a picture or page."""
     return path.with_name(f".part-{path.name}")  # keeps the suffix, which says what to draw
+
+
+def write_error(folder: Path, kind: str, message: str) -> None:
+    """Say in the job's folder why it reached no verdict: kind `bad input`, `not written` or `crashed`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / ERROR, json.dumps({"kind": kind, "message": message}, indent=2).encode())
 
 
 def versions() -> dict[str, str]:

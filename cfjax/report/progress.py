@@ -3,6 +3,7 @@
 All of it on stderr.
 """
 
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -31,7 +32,9 @@ def progress_on(console: Console | None = None) -> Iterator[Clock]:
             lines.close()
         return
     shown = _Bars()
-    with Progress(TextColumn("{task.description:>12}"), BarColumn(), shown, console=console) as bars:
+    columns = (TextColumn("{task.description:>12}"), BarColumn(), shown)
+    # what is printed meanwhile appears above the bars, unless it goes to a file
+    with Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty()) as bars:
         shown.bars = bars
         yield shown.clock
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import io
-import json
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from yaml import YAMLError
 
 from cfjax.conf import Config, preset, problem_of, values_of
 from cfjax.errors import InputError
-from cfjax.report.files import COMMAND, RESULT, read_json, write_whole
+from cfjax.report.files import COMMAND, ERROR, RESULT, read_json, write_whole
 from cfjax.report.paper_rows import agreement, paper_found
 from cfjax.report.rounded import NOTHING, margin_text
 from cfjax.report.run_folder import read_config
@@ -24,8 +23,6 @@ from cfjax.verdict import Verdict
 
 TABLE, PARQUET = "table.csv", "table.parquet"
 SWEPT = "swept."  # before the names of columns that hold what a sweep varied
-ERROR = "error.json"  # in the folder of a job that reached no verdict
-UNWRITTEN = "not written"  # what such a job is called whose folder did not take its run
 
 
 @dataclass(frozen=True)
@@ -49,12 +46,6 @@ class Row:
     @property
     def has_verdict(self) -> bool:
         return self.verdict in {verdict.value for verdict in Verdict}
-
-
-def write_error(folder: Path, kind: str, message: str) -> None:
-    """Say in the job's folder why it reached no verdict: kind `bad input`, `not written` or `crashed`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / ERROR, json.dumps({"kind": kind, "message": message}, indent=2).encode())
 
 
 def holds_sweep(folder: Path) -> bool:

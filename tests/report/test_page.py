@@ -18,9 +18,9 @@ from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.control import MinNorm, law_numbers
 from cfjax.problem import Problem, ReferencePoint
 from cfjax.report.__main__ import main
+from cfjax.report.files import write_error
 from cfjax.report.page import save_page, tables, write_index
 from cfjax.report.run_folder import read_run, write_run
-from cfjax.report.table import write_error
 from cfjax.result import Absorbed, Result, Robustness, Rollouts, StretchMargin, WorstPlace
 from cfjax.simulation import inputs_along
 from cfjax.verdict import Verdict
