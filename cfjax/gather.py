@@ -15,13 +15,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--output", metavar="FOLDER", type=Path, help="default: SWEEP/gathered")
     options = parser.parse_args(arguments)
 
-    from cfjax.report.sweep_plot import save_sweep_picture
-    from cfjax.report.table import frame, gather, holds_sweep, print_table, unfinished, write_frame
+    from cfjax.report.files import holds_sweep
 
     sweep: Path = options.sweep
     if not holds_sweep(sweep):
         print(f"error: SWEEP: expected the folder of a sweep with at least one job, got {sweep}", file=sys.stderr)
         return 2
+    from cfjax.report.sweep_plot import save_sweep_picture
+    from cfjax.report.table import frame, gather, print_table, unfinished, write_frame
+
     output: Path = options.output or sweep / "gathered"
     rows = gather(sweep)
     try:

@@ -16,20 +16,18 @@ def on_first_use(package: str, rooms: Sequence[str] = ()) -> Callable[[str], Any
     modules within, to be had as attributes too.
     """
 
-    @cache
-    def modules() -> dict[str, str]:
-        return _imported_for_types(package)
-
     def load(name: str) -> Any:
         if name in rooms:
             return importlib.import_module(f"{package}.{name}")
-        if name.startswith("__") or name not in modules():
+        module = None if name.startswith("__") else _imported_for_types(package).get(name)
+        if module is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(importlib.import_module(modules()[name]), name)
+        return getattr(importlib.import_module(module), name)
 
     return load
 
 
+@cache
 def _imported_for_types(package: str) -> dict[str, str]:
     """Of each name that the package imports under `if TYPE_CHECKING`, the module that has it."""
     loader: Any = sys.modules[package].__loader__

@@ -14,6 +14,7 @@ Nothing heavy is imported before `main` has set up the environment: JAX reads it
 
 import argparse
 import errno
+import gc
 import math
 import os
 import shlex
@@ -116,6 +117,9 @@ def _refusals(label: str) -> Iterator[None]:
 
 def main() -> int:
     """Entry point; the arguments are those of the command line."""
+    # Importing and tracing make hundreds of thousands of objects that stay: Python would look through them again and
+    # again for what can go, a twentieth of a run.
+    gc.set_threshold(50_000)
     prepare_environment()
     from cfjax.report.files import RESULT
 

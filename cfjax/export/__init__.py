@@ -1,6 +1,14 @@
 """From a certified run to a controller that a car can carry: C99 without dependencies."""
 
-from cfjax.export.controller import Sources, sources_of, write_controller
+from typing import TYPE_CHECKING
+
+from cfjax.lazy import on_first_use
+
+
+if TYPE_CHECKING:
+    from cfjax.export.controller import Sources, sources_of, write_controller
 
 
 __all__ = ["Sources", "sources_of", "write_controller"]
+
+__getattr__ = on_first_use(__name__)

@@ -27,9 +27,8 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
     from cfjax.errors import InputError
-    from cfjax.report.files import RESULT
-    from cfjax.report.page import write_index
-    from cfjax.report.table import holds_sweep
+    from cfjax.report import page
+    from cfjax.report.files import RESULT, holds_sweep
 
     folder = options.folder
     try:
@@ -38,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
         elif holds_sweep(folder):
             runs = sorted(entry for entry in folder.iterdir() if (entry / RESULT).exists())
             written = [_write_page(run, options.vehicle) for run in runs]
-            written.append(write_index(folder))
+            written.append(page.write_index(folder))
         else:
             raise InputError(f"folder: expected a run's folder or a sweep's, got {folder}")
     except InputError as error:

@@ -21,6 +21,7 @@ RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE = "result.json", "certificate.json", 
 PICTURE, REPORT, CONFIG, WAYPOINTS = "funnel.png", "report.html", "config.yaml", "waypoints.csv"
 COMMAND = ("python", "-m", "cfjax.train")  # what a run's command begins with; its overrides follow
 ERROR = "error.json"  # in the folder of a job that reached no verdict
+TABLE = "table.csv"  # of a sweep
 UNWRITTEN = "not written"  # what such a job is called whose folder did not take its run
 LEAST_ROOM = 20e6  # bytes that a run's folder may take: most of them for the page
 PACKAGES = ("cfjax", "jax", "jaxlib", "numpy", "scipy", "optax", "cvxpy", "clarabel", "python-flint", "diffrax")
@@ -77,6 +78,18 @@ def write_error(folder: Path, kind: str, message: str) -> None:
     """Say in the job's folder why it reached no verdict: kind `bad input`, `not written` or `crashed`."""
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / ERROR, json.dumps({"kind": kind, "message": message}, indent=2).encode())
+
+
+def holds_sweep(folder: Path) -> bool:
+    """Whether jobs or the table of an earlier sweep stand there: their proofs must not answer for other questions."""
+    if not folder.is_dir():
+        return False
+    return (folder / TABLE).exists() or any(entry.is_dir() and is_job(entry) for entry in folder.iterdir())
+
+
+def is_job(folder: Path) -> bool:
+    """Whether a job of a sweep was begun there."""
+    return any((folder / name).exists() for name in (".hydra", RESULT, ERROR))
 
 
 def versions() -> dict[str, str]:

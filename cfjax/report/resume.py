@@ -20,7 +20,7 @@ from pathlib import Path
 
 from cfjax.conf import values_of
 from cfjax.errors import InputError
-from cfjax.report.files import CONFIG, RESULT, WAYPOINTS, read_json, versions, write_whole
+from cfjax.report.files import CONFIG, RESULT, WAYPOINTS, holds_sweep, read_json, versions, write_whole
 
 
 SWEEP = "sweep.json"  # in a sweep's folder: what it asks
@@ -51,8 +51,6 @@ def open_sweep(folder: Path, identity: dict[str, object]) -> None:
     Raises:
         InputError: where the folder holds a sweep that asks something else.
     """
-    from cfjax.report.table import holds_sweep
-
     path = folder / SWEEP
     if path.exists():
         if read_json(path) != json.loads(json.dumps(identity)):

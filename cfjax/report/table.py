@@ -14,14 +14,14 @@ from yaml import YAMLError
 
 from cfjax.conf import Config, preset, problem_of, values_of
 from cfjax.errors import InputError
-from cfjax.report.files import COMMAND, ERROR, RESULT, read_json, write_whole
+from cfjax.report.files import COMMAND, ERROR, RESULT, TABLE, is_job, read_json, write_whole
 from cfjax.report.paper_rows import agreement, paper_found
 from cfjax.report.rounded import NOTHING, margin_text
 from cfjax.report.run_folder import read_config
 from cfjax.verdict import Verdict
 
 
-TABLE, PARQUET = "table.csv", "table.parquet"
+PARQUET = "table.parquet"
 SWEPT = "swept."  # before the names of columns that hold what a sweep varied
 
 
@@ -48,16 +48,9 @@ class Row:
         return self.verdict in {verdict.value for verdict in Verdict}
 
 
-def holds_sweep(folder: Path) -> bool:
-    """Whether jobs or the table of an earlier sweep stand there: their proofs must not answer for other questions."""
-    if not folder.is_dir():
-        return False
-    return (folder / TABLE).exists() or any(entry.is_dir() and _is_job(entry) for entry in folder.iterdir())
-
-
 def gather(sweep: Path) -> list[Row]:
     """The jobs of a sweep, finished or not, in the order of their numbers."""
-    folders = [folder for folder in sweep.iterdir() if folder.is_dir() and _is_job(folder)]
+    folders = [folder for folder in sweep.iterdir() if folder.is_dir() and is_job(folder)]
     return [_row(folder) for folder in sorted(folders, key=_job_order)]
 
 
@@ -114,10 +107,6 @@ def print_table(rows: list[Row]) -> None:
     for row in rows:
         if not row.has_verdict:
             print(f"job {row.job}: {row.verdict}: {row.message}")
-
-
-def _is_job(folder: Path) -> bool:
-    return any((folder / name).exists() for name in (".hydra", RESULT, ERROR))
 
 
 def _job_order(folder: Path) -> tuple[int, str]:
