@@ -70,7 +70,7 @@ class _Planner:
 
     def __post_init__(self) -> None:
         self.theta = np.linspace(0.0, self.segment.duration, CELLS + 1)
-        turn, speed = self.segment.turn_rate.polynomial, self.segment.speed.polynomial
+        turn, speed = self.segment.turn_rate.values, self.segment.speed.values
         self.speed, self.slope = speed(self.theta), speed(self.theta, 1)
         moving = np.where(self.speed > 0, self.speed, np.nan)
         self.curvature = turn(self.theta) / moving

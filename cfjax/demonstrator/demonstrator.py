@@ -62,7 +62,7 @@ def horizon_of(problem: Problem, steps: int = 20) -> Horizon:
     else:
         curve = problem.path.curve
         duration = sum(segment.duration for segment in curve)
-        fastest = max(segment.speed.polynomial(np.linspace(0.0, segment.duration, PLACES)).max() for segment in curve)
+        fastest = max(segment.speed.values(np.linspace(0.0, segment.duration, PLACES)).max() for segment in curve)
     return Horizon(steps, float(min(LONGEST, STRIDE / fastest, duration / steps)))
 
 

@@ -4,7 +4,9 @@ Everything downstream (learner, falsifier, certificate, control, simulation, rep
 stands here; no other place writes the dynamics, the path or the sets a second time.
 """
 
-from cfjax.problem.curves import ellipse, figure_eight, obstacle_path, oval, slalom
+from typing import TYPE_CHECKING
+
+from cfjax.lazy import on_first_use
 from cfjax.problem.deviation import affine_along, affine_deviation, deviation_rate, feedforward, to_deviation, to_state
 from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, disc_centres, distances
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
@@ -13,7 +15,11 @@ from cfjax.problem.sets import Box, Ellipsoid, ball
 from cfjax.problem.symmetry import mirror_signs
 from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
-from cfjax.problem.waypoints import waypoints
+
+
+if TYPE_CHECKING:  # of curves: they bring SciPy, which a straight line and a circle do without
+    from cfjax.problem.curves import ellipse, figure_eight, obstacle_path, oval, slalom
+    from cfjax.problem.point_path import waypoints
 
 
 __all__ = [
@@ -55,3 +61,5 @@ __all__ = [
     "tube",
     "waypoints",
 ]
+
+__getattr__ = on_first_use(__name__)

@@ -8,11 +8,10 @@ at rate u0 along the clock.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import PPoly
 
 from cfjax.coerce import Number, Numbers, instance, instances, keep, listed, number, numbers, real, refuse, text
 from cfjax.errors import InputError
@@ -20,6 +19,9 @@ from cfjax.problem.deviation import ReferencePoint
 from cfjax.problem.tube import FASTEST, Tube
 from cfjax.problem.vehicle import Interval, interval
 
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 MEETS = 1e-9  # rad, m and m/s: what is left of them in floating point where one stretch joins another
 
@@ -69,13 +71,44 @@ class Profile:
         first = self.coefficients[0][0]
         return all(c[0] == first and not any(c[1:]) for c in self.coefficients)
 
+    def values(self, theta: Float[np.ndarray, "*batch"], order: int = 0) -> Float[np.ndarray, "*batch"]:
+        """At θ (s), or those of the derivative of that order; at a break of the later piece."""
+        table = self._table
+        for _ in range(order):
+            table = np.arange(1.0, len(table))[:, None] * table[1:] if len(table) > 1 else np.zeros_like(table)
+        return self._at(table, theta)
+
+    def integrals(self, theta: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+        """From 0 to θ (s)."""
+        rising = self._table / np.arange(1.0, len(self._table) + 1)[:, None]
+        lengths = np.diff(self.breaks)
+        whole = np.sum(rising * lengths ** np.arange(1, len(rising) + 1)[:, None], axis=0)
+        before = np.concatenate([[0.0], np.cumsum(whole)[:-1]])
+        return self._at(np.vstack([before, rising]), theta)
+
     @cached_property
-    def polynomial(self) -> PPoly:
-        order = max(map(len, self.coefficients))
-        table = np.zeros((order, len(self.coefficients)))
+    def polynomial(self) -> "PPoly":
+        """As SciPy has it, for what else one asks of polynomials."""
+        from scipy.interpolate import PPoly  # takes longer to load than a steady path to be made
+
+        return PPoly(self._table[::-1], np.array(self.breaks))
+
+    @cached_property
+    def _table(self) -> Float[np.ndarray, "powers pieces"]:
+        """Coefficients by ascending powers."""
+        table = np.zeros((max(map(len, self.coefficients)), len(self.coefficients)))
         for piece, ascending in enumerate(self.coefficients):
-            table[order - len(ascending) :, piece] = ascending[::-1]
-        return PPoly(table, np.array(self.breaks))
+            table[: len(ascending), piece] = ascending
+        return table
+
+    def _at(self, table: Float[np.ndarray, "powers pieces"], theta: np.ndarray) -> np.ndarray:
+        """By Horner's rule; beyond the ends the outer pieces go on."""
+        piece = np.clip(np.searchsorted(self.breaks, theta, side="right") - 1, 0, len(self.coefficients) - 1)
+        step = theta - np.array(self.breaks)[piece]
+        result = np.zeros(np.shape(theta))
+        for row in table[::-1]:
+            result = result * step + row[piece]
+        return result
 
 
 @dataclass(frozen=True)
@@ -122,19 +155,19 @@ class Segment:
 
     def points(self, theta: Float[np.ndarray, " n"]) -> list[ReferencePoint]:
         """`point` at each θ (s)."""
-        omega, v = self.turn_rate.polynomial, self.speed.polynomial
-        columns = (omega(theta), v(theta), omega(theta, 1), v(theta, 1))
+        omega, v = self.turn_rate, self.speed
+        columns = (omega.values(theta), v.values(theta), omega.values(theta, 1), v.values(theta, 1))
         return [ReferencePoint(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
 
     def poses(self, theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         """Reference poses (α_r in rad, x_r, y_r in m) at increasing θ (s), by Gauss–Legendre quadrature."""
-        heading = self.turn_rate.polynomial.antiderivative()
+        heading = self.turn_rate.integrals
         grid = np.unique(np.concatenate([[0.0], theta, self.turn_rate.breaks, self.speed.breaks]))
         nodes, weights = np.polynomial.legendre.leggauss(12)
         half = 0.5 * np.diff(grid)[:, None]
         at = grid[:-1, None] + half * (1 + nodes)
         alpha = self.start.alpha + heading(at)
-        step = half * weights * self.speed.polynomial(at)
+        step = half * weights * self.speed.values(at)
         dx, dy = -(step * np.sin(alpha)).sum(1), (step * np.cos(alpha)).sum(1)
         x = self.start.x + np.concatenate([[0.0], np.cumsum(dx)])
         y = self.start.y + np.concatenate([[0.0], np.cumsum(dy)])

@@ -102,8 +102,8 @@ def _draw_reference(axes: "Axes", result: Result) -> None:
 def _sampled(segment: Segment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """θ of the segment (s), curvature (1/m) and speed (m/s)."""
     theta = np.linspace(0.0, segment.duration, 400)
-    speed = segment.speed.polynomial(theta)
-    return theta, segment.turn_rate.polynomial(theta) / speed, speed
+    speed = segment.speed.values(theta)
+    return theta, segment.turn_rate.values(theta) / speed, speed
 
 
 def _draw_margins(axes: "Axes", result: Result) -> None:

@@ -69,7 +69,7 @@ def _course(segment: Segment) -> tuple[np.ndarray, float]:
     """Curvature (1/m) at equal shares of the segment, and length (m)."""
     speed = segment.point(0.0).speed
     theta = np.linspace(0.0, segment.duration, SAMPLES)
-    return segment.turn_rate.polynomial(theta) / speed, segment.duration * speed
+    return segment.turn_rate.values(theta) / speed, segment.duration * speed
 
 
 def agreement(verdict: Verdict, found: bool | None) -> str:

@@ -313,7 +313,7 @@ def reference_csv(problem: Problem) -> str:
     writer.writerow(["segment", "theta", "alpha", "x", "y", "v", "omega"])
     for index, segment in enumerate(problem.path.curve):
         theta = np.linspace(0.0, segment.duration, REFERENCE_ROWS)
-        profile = [segment.speed.polynomial(theta), segment.turn_rate.polynomial(theta)]
+        profile = [segment.speed.values(theta), segment.turn_rate.values(theta)]
         poses = segment.poses(theta) + np.array([problem.side_slip, 0.0, 0.0])
         for row in np.column_stack([theta, poses, *profile]):
             writer.writerow([index, *(repr(float(value)) for value in row)])
@@ -477,6 +477,8 @@ def _margin_per_metre(result: Result) -> float | None:
 
 def _top_speed(segment: Segment) -> float:
     """m/s: at one of the profile's breaks, or where its slope vanishes; samples would miss it by a little."""
+    if segment.speed.is_constant:
+        return segment.speed.coefficients[0][0]
     profile = segment.speed.polynomial
     still = profile.derivative().roots(discontinuity=False, extrapolate=False)  # NaN where it vanishes all along
     candidates = np.concatenate([profile.x, still[np.isfinite(still)]])

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle
+from cfjax.problem.point_path import waypoints
 from cfjax.problem.points import course_of, read_points
-from cfjax.problem.waypoints import waypoints
 from tests.written import Written, written
 
 

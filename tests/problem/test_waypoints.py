@@ -10,7 +10,7 @@ import pytest
 
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Path, Problem
-from cfjax.problem.waypoints import waypoints
+from cfjax.problem.point_path import waypoints
 from cfjax.tubes import follow
 from tests.shapes import eight, racing_line, slalom
 
