@@ -13,6 +13,7 @@ Nothing heavy is imported before `main` has set up the environment: JAX reads it
 """
 
 import argparse
+import atexit
 import errno
 import gc
 import math
@@ -120,6 +121,7 @@ def main() -> int:
     # Importing and tracing make hundreds of thousands of objects that stay: Python would look through them again and
     # again for what can go, a twentieth of a run.
     gc.set_threshold(50_000)
+    atexit.register(gc.freeze)  # nor does it at the end, where all of them go with the process
     prepare_environment()
     from cfjax.report.files import RESULT
 
