@@ -265,6 +265,16 @@ def test_interrupt_of_a_real_process(tmp_path: Path) -> None:
     assert {entry.name for entry in (tmp_path / "here").iterdir()} == {".hydra", ".lock"}
 
 
+def test_the_verdict_is_told_before_pictures_are_drawn(
+    train: Callable[..., int], quick: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cfjax.report.plot.save_picture", lambda *_: print("drawn"))
+    train("+path=circle", "hydra.run.dir=here")
+    said = capfd.readouterr().out
+    assert -1 < said.find(": circle, pf") < said.find("drawn") < said.find("seconds: ") < said.find("run: ")
+    assert said.count(": circle, pf") == 1
+
+
 def test_summary_says_whether_the_objective_was_reached(hand_made: Callable[..., Result]) -> None:
     problem = problem_of(preset("circle"))
     certified = hand_made(problem, margin=0.3, verdict=Verdict.CERTIFIED)
