@@ -24,9 +24,9 @@ MOST_HALVINGS = 16  # of a piece, into cells
 class Pieces(NamedTuple):
     """Functions of θ, one per column: on piece i the polynomial with these coefficients of θ − origin, ascending."""
 
-    begin: Float[Array, " m"]  # θ at which each piece begins
-    origin: Float[Array, "m c"]
-    coefficients: Float[Array, "m c d"]
+    begin: Float[Array | np.ndarray, " m"]  # θ at which each piece begins
+    origin: Float[Array | np.ndarray, "m c"]
+    coefficients: Float[Array | np.ndarray, "m c d"]
 
     def find(self, theta: Float[Array, " k"]) -> Int[Array, " k"]:
         """The piece at θ; the later one where two meet, the first and the last beyond the ends."""
@@ -116,9 +116,9 @@ def _pose_cubics(segment: Segment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _joined(parts: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], since: np.ndarray) -> Pieces:
     """The segments' pieces one after another; θ counts along the whole path."""
     return Pieces(
-        jnp.asarray(np.concatenate([begin + s for (begin, _, _), s in zip(parts, since, strict=True)])),
-        jnp.asarray(np.concatenate([origin + s for (_, origin, _), s in zip(parts, since, strict=True)])),
-        jnp.asarray(np.concatenate([table for _, _, table in parts])),
+        np.concatenate([begin + s for (begin, _, _), s in zip(parts, since, strict=True)]),
+        np.concatenate([origin + s for (_, origin, _), s in zip(parts, since, strict=True)]),
+        np.concatenate([table for _, _, table in parts]),
     )
 
 

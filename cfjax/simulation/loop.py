@@ -5,6 +5,7 @@ What a step does not know is where the reference comes from: along a path it is 
 """
 
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -55,6 +56,7 @@ class Loop(NamedTuple):
 Reference = Callable[[Array], tuple[ReferencePoint, ReferencePoint]]
 
 
+@partial(jax.jit, static_argnums=(1, 2))
 def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "count n"]:
     """Random deviations of I: one half uniform in the volume, the other on the boundary."""
     axes = jnp.array(inlet.half_axes)
@@ -69,7 +71,7 @@ def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "cou
 def loop_of(problem: Problem, numbers: LawNumbers, step: float, begin: float = 0.0, end: float = np.inf) -> Loop:
     """The loop of one law from θ = begin to end (s), in steps of `step` (s, unless the caller scales them)."""
     safe = problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension
-    return Loop(numbers, jnp.asarray(begin, float), jnp.asarray(end, float), jnp.array(safe), jnp.asarray(step, float))
+    return Loop(numbers, *map(np.float64, (begin, end)), np.array(safe), np.float64(step))
 
 
 def fastest(problem: Problem, funnel: Funnel, points: Float[np.ndarray, "k 4"]) -> Float[np.ndarray, " k"]:
