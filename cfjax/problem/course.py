@@ -49,7 +49,8 @@ class Pieces(NamedTuple):
 
 def _value_and_slope(coefficients: Sequence, t: Array | np.ndarray) -> tuple:
     """Horner's scheme, for the polynomial and its derivative."""
-    value, slope = 0 * t + coefficients[-1], 0 * t
+    zero = np.broadcast_to(0.0, np.shape(t))  # a zero that compilers see: what is constant costs nothing per car
+    value, slope = zero + coefficients[-1], zero
     for c in coefficients[-2::-1]:
         value, slope = value * t + c, slope * t + value
     return value, slope
@@ -141,7 +142,8 @@ def poses_of(path: Path, side_slip: float) -> Pieces:
     (`Problem.side_slip`, rad). Headings go on as the segments state them, without wrapping.
     """
     pieces = _joined([_pose_cubics(segment) for segment in path.curve], _since(path))
-    return pieces._replace(coefficients=pieces.coefficients.at[:, 0, 0].add(side_slip))
+    pieces.coefficients[:, 0, 0] += side_slip  # its own array, nobody else's
+    return pieces
 
 
 def point_at(
