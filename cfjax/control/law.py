@@ -136,8 +136,8 @@ class Descent(NamedTuple):
     excess: Scalar  # 1/s
     softness: Scalar  # 1/s²; 0 where the demand is hard
     centre: tuple[Scalar, ...]  # the reference's feed-forward, inside the box
-    lower: Sequence[Scalar] | Array  # of the box
-    upper: Sequence[Scalar] | Array
+    lower: Sequence[Scalar] | Array | np.ndarray  # of the box
+    upper: Sequence[Scalar] | Array | np.ndarray
 
     @property
     def half(self) -> list[Scalar]:

@@ -123,7 +123,7 @@ class _Annealing:
         *,
         report: Callable[[int], None],
     ) -> _Annealed:
-        """The candidates start from the funnels in `first`, then at random; counterexamples belong to the first of all."""
+        """Candidates start from the funnels in `first`, then at random; counterexamples are points of the first one."""
         template, candidates = self.template, self.candidates
         chain = chain_of(problem, template, self.beta_lower, self.beta_inner, Unit.BALANCED)
         rng = np.random.default_rng(self.seed)

@@ -56,14 +56,17 @@ class Loop(NamedTuple):
 Reference = Callable[[Array], tuple[ReferencePoint, ReferencePoint]]
 
 
-@partial(jax.jit, static_argnums=(1, 2))
 def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "count n"]:
     """Random deviations of I: one half uniform in the volume, the other on the boundary."""
-    axes = jnp.array(inlet.half_axes)
+    return _sampled(key, np.array(inlet.half_axes), count)
+
+
+@partial(jax.jit, static_argnums=2)
+def _sampled(key: Array, axes: Float[Array, " n"], count: int) -> Float[Array, "count n"]:
     key_direction, key_radius = jax.random.split(key)
-    direction = jax.random.normal(key_direction, (count, len(inlet.half_axes)))
+    direction = jax.random.normal(key_direction, (count, len(axes)))
     direction = direction / jnp.linalg.norm(direction, axis=1, keepdims=True)
-    radius = jax.random.uniform(key_radius, (count, 1)) ** (1 / len(inlet.half_axes))
+    radius = jax.random.uniform(key_radius, (count, 1)) ** (1 / len(axes))
     radius = jnp.where(jnp.arange(count)[:, None] < count // 2, 1.0, radius)
     return direction * radius * axes[None, :]
 
