@@ -42,14 +42,14 @@ def programs_of(size: int, count: int) -> list[Program]:
     variables, degree = SHAPES[size]
     rng = np.random.default_rng(size)
     order = 2 * degree
-    names, units = monomials(variables, order), np.eye(variables, dtype=int)
-    zero = tuple(0 * units[0])
-    ball = dense({zero: 1.0} | {tuple(2 * unit): -1.0 for unit in units}, variables, order)
+    names, zero = monomials(variables, order), (0,) * variables
+    first, second = ([tuple(k * (i == j) for j in range(variables)) for i in range(variables)] for k in (1, 2))
+    ball = dense({zero: 1.0} | dict.fromkeys(second, -1.0), variables, order)
     drop = dense({zero: 1.0}, variables, order)
     found = []
     for _ in range(count):
         cuts = [
-            dense({tuple(unit): float(slope) for unit, slope in zip(units, normal, strict=True)}, variables, order)
+            dense(dict(zip(first, map(float, normal), strict=True)), variables, order)
             for normal in rng.normal(size=(CUTS, variables))
         ]
         target = rng.normal(size=len(names)) / np.sqrt(len(names))
