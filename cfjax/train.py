@@ -147,7 +147,7 @@ def prepare_environment() -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache))
     os.environ["HYDRA_FULL_ERROR"] = "1"  # hands errors on to `_main` instead of printing them over many lines
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # small double-precision problems; silences the search for others
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a local Ray reports to nobody

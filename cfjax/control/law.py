@@ -45,9 +45,9 @@ class LawNumbers(NamedTuple):
     all of which it is asked; they may be arrays, one entry per sample. So is `acceleration` (dv_r/dθ, m/s²).
     """
 
-    lower: Float[Array, " m"]  # of the input box (u0, *vehicle inputs)
-    upper: Float[Array, " m"]
-    shape: Float[Array, "n n"]  # C
+    lower: Float[Array | np.ndarray, " m"]  # of the input box (u0, *vehicle inputs)
+    upper: Float[Array | np.ndarray, " m"]
+    shape: Float[Array | np.ndarray, "n n"]  # C
     rate: Scalar
     beta_lower: Scalar
     beta_inner: Scalar  # the demand yields to the box only below this level
@@ -105,18 +105,18 @@ def law_numbers(
     # below β̲ the demand fades as a tube's certificate does; along a segment the two may differ, so there it only asks
     inner = funnel.inner if np.isinf(funnel.duration) else funnel.beta_lower
 
-    def ends(interval: Interval | None) -> tuple[Array, Array] | None:
-        return None if interval is None else (jnp.asarray(interval.lower, float), jnp.asarray(interval.upper, float))
+    def ends(interval: Interval | None) -> tuple[np.float64, np.float64] | None:
+        return None if interval is None else (np.float64(interval.lower), np.float64(interval.upper))
 
     return LawNumbers(
-        lower=jnp.array([interval.lower for interval in problem.inputs]),
-        upper=jnp.array([interval.upper for interval in problem.inputs]),
-        shape=jnp.asarray(funnel.shape),
-        rate=jnp.asarray(funnel.rate, float),
-        beta_lower=jnp.asarray(funnel.beta_lower, float),
-        beta_inner=jnp.asarray(inner, float),
-        decrease=jnp.asarray(LAW_SHARE * margin, float),
-        decrease_per_metre=jnp.asarray(LAW_SHARE * margin_per_metre, float),
+        lower=np.array([interval.lower for interval in problem.inputs], float),
+        upper=np.array([interval.upper for interval in problem.inputs], float),
+        shape=np.asarray(funnel.shape, float),
+        rate=np.float64(funnel.rate),
+        beta_lower=np.float64(funnel.beta_lower),
+        beta_inner=np.float64(inner),
+        decrease=np.float64(LAW_SHARE * margin),
+        decrease_per_metre=np.float64(LAW_SHARE * margin_per_metre),
         curvature=ends(curvature),
         acceleration=ends(acceleration),
     )
@@ -136,8 +136,8 @@ class Descent(NamedTuple):
     excess: Scalar  # 1/s
     softness: Scalar  # 1/s²; 0 where the demand is hard
     centre: tuple[Scalar, ...]  # the reference's feed-forward, inside the box
-    lower: Sequence[Scalar] | Array  # of the box
-    upper: Sequence[Scalar] | Array
+    lower: Sequence[Scalar] | Array | np.ndarray  # of the box
+    upper: Sequence[Scalar] | Array | np.ndarray
 
     @property
     def half(self) -> list[Scalar]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from cfjax.control.law import Descent, Law
@@ -40,9 +41,9 @@ class MinNorm(Law):
 def nearest_in_box(
     b: Sequence[Scalar],
     excess: Scalar,
-    centre: Sequence[Scalar] | Array,
-    lower: Sequence[Scalar] | Array,
-    upper: Sequence[Scalar] | Array,
+    centre: Sequence[Scalar] | Array | np.ndarray,
+    lower: Sequence[Scalar] | Array | np.ndarray,
+    upper: Sequence[Scalar] | Array | np.ndarray,
     softness: Scalar = 0.0,
 ) -> tuple[Scalar, ...]:
     """The input in the box nearest to `centre` (scaled by half-widths) with b · (v − centre) ≤ −excess.

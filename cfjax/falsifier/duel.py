@@ -117,7 +117,7 @@ def duel(
 
 @lru_cache
 def _program(vehicle: Vehicle, template: Template):
-    return jax.jit(jax.vmap(partial(_run, vehicle, template), in_axes=(None, None, 0, 0, 0, 0, 0, 0)))
+    return jax.jit(partial(_run, vehicle, template))
 
 
 def _normalised(points: Array) -> Array:
@@ -137,7 +137,7 @@ def _run(
     free: Array,
     station: Array,
 ) -> tuple[Array, Array, Array, Array]:
-    funnels, size, _ = factor.shape
+    _, funnels, size, _ = factor.shape
     lower = np.tril_indices(size)
     duration = jnp.asarray(chain.funnels.duration)
     lowest, highest = chain.funnels.change_bounds
@@ -146,42 +146,60 @@ def _run(
         filled = jnp.zeros((funnels, size, size)).at[:, lower[0], lower[1]].set(delta[:, :-1])
         return filled * chain.funnels.coupling
 
-    def margins(factor: Array, change: Array, points: Array, smoothing: Array | float) -> Array:
+    def margins(factor: Array, change: Array, points: Array, station: Array, smoothing: Array | float) -> Array:
         def of_funnel(instance: Instance, factor: Array, rate: Array, points: Array, station: Array) -> Array:
             w, s = points[:, :-1], points[:, -1]
             return decrease_margins(vehicle, template, instance, factor, rate, w, s, station, smoothing)
 
         return jax.vmap(of_funnel)(chain.funnels, factor, change / duration, points, station)
 
-    def loss(delta: Array, points: Array, factor: Array, change: Array, temperature: Array, smoothing: Array) -> Array:
+    def loss(
+        delta: Array, points: Array, station: Array, scale: Array, factor: Array, change: Array, now: "_Now"
+    ) -> Array:
         factor, change = factor + factor @ triangle(delta), change + delta[:, -1]
-        at = margins(factor, change, _normalised(points), smoothing) / scale
+        at = margins(factor, change, _normalised(points), station, ROUNDING * now.step * scale) / scale
         hinge = jax.nn.relu(chain_excess(template, chain, factor, change / duration) + SLACK)
         # one gradient serves both players: a particle's own weight is positive and cancels when its step is normalised
-        weight = jax.lax.stop_gradient(jax.nn.softmax(-at / temperature, axis=(0, 1)) + 1e-14)
+        weight = jax.lax.stop_gradient(jax.nn.softmax(-at / now.temperature, axis=(0, 1)) + 1e-14)
         return -jnp.sum(weight * at) + PENALTY * (jnp.sum(hinge) + 10 * jnp.sum(hinge**2))
 
-    def now(pair: tuple[Scalar, Scalar], i: Array) -> Array:
+    def moved(now: "_Now", scale: Array, free: Array, station: Array, carry: tuple) -> tuple:
+        """One step of one candidate and its particles."""
+        factor, change, adam, points = carry
+        zero = jnp.zeros((funnels, len(lower[0]) + 1))
+        gradient, down = jax.grad(loss, (0, 1))(zero, points, station, scale, factor, change, now)
+        down = down * free
+        points = _normalised(points + now.step * down / (jnp.linalg.norm(down, axis=-1, keepdims=True) + 1e-200))
+        direction, adam = ADAM.update(gradient, adam)
+        move = now.learning_rate * jnp.asarray(direction)
+        change = jnp.where(now.learning_rate > 0, jnp.clip(change - move[:, -1], lowest, highest), change)
+        return factor - factor @ triangle(move), change, adam, points
+
+    def body(i: Array, carry: tuple) -> tuple:
+        # candidates side by side in each step: a loop for each of them would be traced three times over
+        return jax.vmap(partial(moved, _now(schedule, i)))(scale, free, station, carry)
+
+    adam = jax.vmap(ADAM.init)(jnp.zeros((len(factor), funnels, len(lower[0]) + 1)))
+    factor, change, _, points = jax.lax.fori_loop(0, schedule.steps, body, (factor, change, adam, points))
+    return factor, change, points, jax.vmap(partial(margins, smoothing=0.0))(factor, change, points, station)
+
+
+class _Now(NamedTuple):
+    """The schedule's numbers at one step."""
+
+    learning_rate: Array
+    temperature: Array
+    step: Array
+
+
+def _now(schedule: Schedule, i: Array) -> _Now:
+    def at(pair: tuple[Scalar, Scalar]) -> Array:
         first, last = pair
         ratio = jnp.where(first > 0, last / jnp.where(first > 0, first, 1.0), 1.0)
         return first * ratio ** (i / schedule.steps)
 
-    def body(i: Array, carry: tuple) -> tuple:
-        factor, change, adam, points = carry
-        temperature, step = now(schedule.temperature, i), now(schedule.step, i)
-        learning_rate = now(schedule.learning_rate, i) * jnp.minimum(1.0, i / 20)
-        zero = jnp.zeros((funnels, len(lower[0]) + 1))
-        gradient, down = jax.grad(loss, (0, 1))(zero, points, factor, change, temperature, ROUNDING * step * scale)
-        down = down * free
-        points = _normalised(points + step * down / (jnp.linalg.norm(down, axis=-1, keepdims=True) + 1e-200))
-        direction, adam = ADAM.update(gradient, adam)
-        move = learning_rate * jnp.asarray(direction)
-        change = jnp.where(learning_rate > 0, jnp.clip(change - move[:, -1], lowest, highest), change)
-        return factor - factor @ triangle(move), change, adam, points
-
-    start = (factor, change, ADAM.init(jnp.zeros((funnels, len(lower[0]) + 1))), points)
-    factor, change, _, points = jax.lax.fori_loop(0, schedule.steps, body, start)
-    return factor, change, points, margins(factor, change, points, 0.0)
+    warming = jnp.minimum(1.0, i / 20)
+    return _Now(at(schedule.learning_rate) * warming, at(schedule.temperature), at(schedule.step))
 
 
 @partial(jax.jit, static_argnames="vehicle")

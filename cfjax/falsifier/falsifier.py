@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -95,6 +94,9 @@ def hunt(
     return Hunt(found.particles, _without_nan(found.margins))
 
 
+_points = jax.jit(shell_points, static_argnums=0)
+
+
 def _without_nan(margins: Float[np.ndarray, "r f k"]) -> Float[np.ndarray, "r f k"]:
     """A particle that met NaN says nothing; a candidate of which none says anything has no margin at all."""
     lost = np.isnan(margins)
@@ -159,11 +161,11 @@ def falsify(
     rows = np.concatenate([hunted.particles.points.reshape(-1, problem.dimension + 1) for hunted in found])
     stations = np.concatenate([hunted.particles.station.ravel() for hunted in found])
     worst = [int(np.argmin(margins))]
-    w, s, station = (jnp.asarray(values) for values in (rows[worst, :-1], rows[worst, -1], stations[worst]))
-    x, q, _ = shell_points(funnel.template, here, jnp.asarray(factor[0, 0]), funnel.rate, w, s, station)
+    w, s, station = rows[worst, :-1], rows[worst, -1], stations[worst]
+    x, q, _ = _points(funnel.template, here, factor[0, 0], funnel.rate, w, s, station)
     begin, until = float(here.begin[stations[worst[0]]]), float(here.end[stations[worst[0]]])
-    theta = _theta_in_shell(funnel, begin, min(until, last), float(q[0]))
-    note("d", margins.min(), theta, np.asarray(x[0]))
+    theta = _theta_in_shell(funnel, begin, min(until, last), float(np.asarray(q)[0]))
+    note("d", margins.min(), theta, np.asarray(x)[0])
     return tuple(points)
 
 

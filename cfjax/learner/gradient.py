@@ -7,6 +7,7 @@ leaves is moved strictly inside (a)–(c) and falsified once more.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -77,60 +78,83 @@ def learn(
     beta_lower = number("beta_lower", beta_lower, above=0, below=1)
     beta_inner = inner_level(beta_inner, beta_lower)
     candidates, seed = whole("candidates", candidates, 1), whole("seed", seed, 0)
-    chain = chain_of(problem, template, beta_lower, beta_inner, Unit.BALANCED)
-    duration = np.asarray(chain.funnels.duration)
-    rng = np.random.default_rng(seed)
-    first = [funnels for funnels in (warm,) if funnels is not None]
-    steps = 0
     report = progress or (lambda done, of: None)
     tracking = tracking and problem.method is Method.PF
     passes = ROUNDS * (2 if tracking else 1)
     report(0, passes)
+    anneal = _Annealing(template, beta_lower, beta_inner, candidates, seed)
+    first = [funnels for funnels in (warm,) if funnels is not None]
+    steps = 0
     if tracking:
-        tracked = learn(
-            replace(problem, method=Method.TT),
-            template,
-            beta_lower=beta_lower,
-            beta_inner=beta_inner,
-            candidates=candidates,
-            seed=seed,
-            progress=lambda done, of: report(done, passes),
-        )
-        if tracked is not None:
-            first.append(tracked.funnels)
-            steps += tracked.steps
-
-    factor, change = _starts(rng, candidates, chain, template)
-    for k, funnels in enumerate(first[:candidates]):
-        factor[k], rates = _unknowns(funnels)
-        change[k] = rates * duration
-    ridges = ridge_coordinates(problem.vehicle, chain)
-    shape, stations = (*change.shape, group_size(chain)), chain.funnels.begin.shape[1]
-    particles = spawn(rng, shape, ridges, stations)
-    scale = margin_scale(problem.vehicle, template, chain, factor, change, particles)
-    if counterexamples and warm is not None:
-        particles = _include(particles, chain, warm, counterexamples)
-
-    for k in range(ROUNDS):
-        part = LEARN.part(k, ROUNDS, FIRST_STEPS[k])
-        outcome = duel(problem.vehicle, template, chain, part, scale, factor, change, particles)
-        factor, change, particles = outcome.factor, outcome.change, outcome.particles
-        steps += part.steps
-        if k < ROUNDS - 1:
-            found = hunt(problem.vehicle, template, chain, factor, change, rng, PROBE)
-            pools = (particles, found.particles)
-            particles = _merge(rng, pools, (outcome.margins, found.margins), ridges, stations)
-        report(passes - ROUNDS + k + 1, passes)
-
-    inside = _Inside(problem, template, chain, beta_inner)
-    moved = (inside(factor[i], change[i]) for i in range(candidates))
-    chains = [funnels for funnels in moved if funnels]
-    # the starts compete too: annealing may lose what they had (never so far, but PF ≥ TT must not hang on it)
-    chains += [funnels for funnels in first if _excess_of(chain, funnels) < 0]
-    if not chains:
+        tracked = anneal(replace(problem, method=Method.TT), report=lambda done: report(done, passes))
+        if tracked.chains:
+            first.append(tracked.chains[int(np.argmax(tracked.quick))])
+        steps += tracked.steps
+    found = anneal(problem, first, counterexamples, report=lambda done: report(passes - ROUNDS + done, passes))
+    if not found.chains:
         return None
-    quick = _quick_margins(problem, template, chain, chains, rng)
-    return replace(_best(problem, chain, chains, quick, seed), steps=steps)
+    return replace(_best(problem, found, seed), steps=steps + found.steps)
+
+
+class _Annealed(NamedTuple):
+    """Candidates that satisfy (a)–(c), with their margins after a quick search (balanced)."""
+
+    chain: Chain
+    chains: list[Funnels]
+    quick: list[float]
+    steps: int
+
+
+@dataclass(frozen=True)
+class _Annealing:
+    """Candidates and particles annealed together, in rounds, and moved inside (a)–(c)."""
+
+    template: Template
+    beta_lower: float
+    beta_inner: float | None
+    candidates: int
+    seed: int
+
+    def __call__(
+        self,
+        problem: Problem,
+        first: Sequence[Funnels] = (),
+        counterexamples: Sequence[Suspect] = (),
+        *,
+        report: Callable[[int], None],
+    ) -> _Annealed:
+        """Candidates start from the funnels in `first`, then at random; counterexamples are points of the first one."""
+        template, candidates = self.template, self.candidates
+        chain = chain_of(problem, template, self.beta_lower, self.beta_inner, Unit.BALANCED)
+        rng = np.random.default_rng(self.seed)
+        factor, change = _starts(rng, candidates, chain, template)
+        for k, funnels in enumerate(first[:candidates]):
+            factor[k], rates = _unknowns(funnels)
+            change[k] = rates * np.asarray(chain.funnels.duration)
+        ridges = ridge_coordinates(problem.vehicle, chain)
+        shape, stations = (*change.shape, group_size(chain)), chain.funnels.begin.shape[1]
+        particles = spawn(rng, shape, ridges, stations)
+        scale = margin_scale(problem.vehicle, template, chain, factor, change, particles)
+        if counterexamples and first:
+            particles = _include(particles, chain, first[0], counterexamples)
+
+        for k in range(ROUNDS):
+            part = LEARN.part(k, ROUNDS, FIRST_STEPS[k])
+            outcome = duel(problem.vehicle, template, chain, part, scale, factor, change, particles)
+            factor, change, particles = outcome.factor, outcome.change, outcome.particles
+            if k < ROUNDS - 1:
+                found = hunt(problem.vehicle, template, chain, factor, change, rng, PROBE)
+                pools = (particles, found.particles)
+                particles = _merge(rng, pools, (outcome.margins, found.margins), ridges, stations)
+            report(k + 1)
+
+        inside = _Inside(problem, template, chain, self.beta_inner)
+        moved = (inside(factor[i], change[i]) for i in range(candidates))
+        chains = [funnels for funnels in moved if funnels]
+        # the starts compete too: annealing may lose what they had (never so far, but PF ≥ TT must not hang on it)
+        chains += [funnels for funnels in first if _excess_of(chain, funnels) < 0]
+        quick = _quick_margins(problem, template, chain, chains, rng)
+        return _Annealed(chain, chains, quick, LEARN.steps // ROUNDS * ROUNDS)
 
 
 def _unknowns(funnels: Funnels) -> tuple[Float[np.ndarray, "f n n"], Float[np.ndarray, " f"]]:
@@ -287,7 +311,7 @@ def _quick_margins(
     return margins
 
 
-def _best(problem: Problem, chain: Chain, candidates: list[Funnels], quick: list[float], seed: int) -> Learned:
+def _best(problem: Problem, found: _Annealed, seed: int) -> Learned:
     """The candidate of the largest margin after a thorough search; one that loses by it gives way to the next."""
 
     def falsified(funnels: Funnels, unit: Unit) -> float:
@@ -299,7 +323,8 @@ def _best(problem: Problem, chain: Chain, candidates: list[Funnels], quick: list
         ]
         return min(found)
 
-    margins = np.array(quick)
+    chain, candidates = found.chain, found.chains
+    margins = np.array(found.quick)
     searched = np.zeros(len(candidates), bool)
     best = int(margins.argmax())
     while not searched[best]:

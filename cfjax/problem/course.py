@@ -24,9 +24,9 @@ MOST_HALVINGS = 16  # of a piece, into cells
 class Pieces(NamedTuple):
     """Functions of θ, one per column: on piece i the polynomial with these coefficients of θ − origin, ascending."""
 
-    begin: Float[Array, " m"]  # θ at which each piece begins
-    origin: Float[Array, "m c"]
-    coefficients: Float[Array, "m c d"]
+    begin: Float[Array | np.ndarray, " m"]  # θ at which each piece begins
+    origin: Float[Array | np.ndarray, "m c"]
+    coefficients: Float[Array | np.ndarray, "m c d"]
 
     def find(self, theta: Float[Array, " k"]) -> Int[Array, " k"]:
         """The piece at θ; the later one where two meet, the first and the last beyond the ends."""
@@ -49,7 +49,8 @@ class Pieces(NamedTuple):
 
 def _value_and_slope(coefficients: Sequence, t: Array | np.ndarray) -> tuple:
     """Horner's scheme, for the polynomial and its derivative."""
-    value, slope = 0 * t + coefficients[-1], 0 * t
+    zero = np.broadcast_to(0.0, np.shape(t))  # a zero that compilers see: what is constant costs nothing per car
+    value, slope = zero + coefficients[-1], zero
     for c in coefficients[-2::-1]:
         value, slope = value * t + c, slope * t + value
     return value, slope
@@ -116,9 +117,9 @@ def _pose_cubics(segment: Segment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _joined(parts: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], since: np.ndarray) -> Pieces:
     """The segments' pieces one after another; θ counts along the whole path."""
     return Pieces(
-        jnp.asarray(np.concatenate([begin + s for (begin, _, _), s in zip(parts, since, strict=True)])),
-        jnp.asarray(np.concatenate([origin + s for (_, origin, _), s in zip(parts, since, strict=True)])),
-        jnp.asarray(np.concatenate([table for _, _, table in parts])),
+        np.concatenate([begin + s for (begin, _, _), s in zip(parts, since, strict=True)]),
+        np.concatenate([origin + s for (_, origin, _), s in zip(parts, since, strict=True)]),
+        np.concatenate([table for _, _, table in parts]),
     )
 
 
@@ -141,7 +142,8 @@ def poses_of(path: Path, side_slip: float) -> Pieces:
     (`Problem.side_slip`, rad). Headings go on as the segments state them, without wrapping.
     """
     pieces = _joined([_pose_cubics(segment) for segment in path.curve], _since(path))
-    return pieces._replace(coefficients=pieces.coefficients.at[:, 0, 0].add(side_slip))
+    pieces.coefficients[:, 0, 0] += side_slip  # its own array, nobody else's
+    return pieces
 
 
 def point_at(

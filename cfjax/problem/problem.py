@@ -187,15 +187,15 @@ class Problem:
             InputError: where no inputs do: the reference is no motion of this vehicle.
         """
         point = ReferencePoint(*coerce.numbers("point", coerce.instance("point", point, ReferencePoint)))
-        drift, columns = affine_deviation(self.vehicle, jnp.zeros(self.dimension), point)
-        rest = np.asarray(drift + columns[:, 0])
-        if not (np.isfinite(rest).all() and np.isfinite(np.asarray(columns)).all()):
+        drift, columns = map(np.asarray, affine_deviation(self.vehicle, np.zeros(self.dimension), point))
+        rest = drift + columns[:, 0]
+        if not (np.isfinite(rest).all() and np.isfinite(columns).all()):
             raise InputError(
                 f"path: expected speeds and turning rates whose motion can be computed, got {point.speed:.4g} m/s and "
                 f"{point.turn_rate:.4g} rad/s"
             )
-        u, *_ = np.linalg.lstsq(np.asarray(columns[:, 1:]), -rest, rcond=None)
-        left = np.abs(rest + np.asarray(columns[:, 1:]) @ u).max()
+        u, *_ = np.linalg.lstsq(columns[:, 1:], -rest, rcond=None)
+        left = np.abs(rest + columns[:, 1:] @ u).max()
         if left > FOLLOWS * max(1.0, np.abs(rest).max()):
             raise InputError(
                 f"path: a reference of turning rate {point.turn_rate:.4g} rad/s and speed {point.speed:.4g} m/s is no "

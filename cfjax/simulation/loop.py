@@ -5,6 +5,7 @@ What a step does not know is where the reference comes from: along a path it is 
 """
 
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -57,11 +58,15 @@ Reference = Callable[[Array], tuple[ReferencePoint, ReferencePoint]]
 
 def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "count n"]:
     """Random deviations of I: one half uniform in the volume, the other on the boundary."""
-    axes = jnp.array(inlet.half_axes)
+    return _sampled(key, np.array(inlet.half_axes), count)
+
+
+@partial(jax.jit, static_argnums=2)
+def _sampled(key: Array, axes: Float[Array, " n"], count: int) -> Float[Array, "count n"]:
     key_direction, key_radius = jax.random.split(key)
-    direction = jax.random.normal(key_direction, (count, len(inlet.half_axes)))
+    direction = jax.random.normal(key_direction, (count, len(axes)))
     direction = direction / jnp.linalg.norm(direction, axis=1, keepdims=True)
-    radius = jax.random.uniform(key_radius, (count, 1)) ** (1 / len(inlet.half_axes))
+    radius = jax.random.uniform(key_radius, (count, 1)) ** (1 / len(axes))
     radius = jnp.where(jnp.arange(count)[:, None] < count // 2, 1.0, radius)
     return direction * radius * axes[None, :]
 
@@ -69,7 +74,7 @@ def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "cou
 def loop_of(problem: Problem, numbers: LawNumbers, step: float, begin: float = 0.0, end: float = np.inf) -> Loop:
     """The loop of one law from θ = begin to end (s), in steps of `step` (s, unless the caller scales them)."""
     safe = problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension
-    return Loop(numbers, jnp.asarray(begin, float), jnp.asarray(end, float), jnp.array(safe), jnp.asarray(step, float))
+    return Loop(numbers, *map(np.float64, (begin, end)), np.array(safe), np.float64(step))
 
 
 def fastest(problem: Problem, funnel: Funnel, points: Float[np.ndarray, "k 4"]) -> Float[np.ndarray, " k"]:

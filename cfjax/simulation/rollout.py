@@ -196,7 +196,6 @@ def _jumps(profiles: Pieces) -> Float[np.ndarray, " j"]:
 
 def table_of(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
     """The legs as arrays, with the step of each."""
-    profiles = jax.tree.map(np.asarray, profiles)  # few numbers, once: nothing to compile for
     ends = np.array([0.0, *(leg.end for leg in legs)])
     margin = MEETS * ends[-1]  # an end and the break that it stands for may be computed in two ways
     pieces, jumps = np.asarray(profiles.begin), _jumps(profiles)
@@ -212,7 +211,7 @@ def table_of(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
             loops.append(loop_of(problem, numbers, step, float(begin), float(until)))  # V counts from the leg's begin
             firsts.append(first)
             lasts.append(last)
-    return Legs(jax.tree.map(lambda *leaves: jnp.stack(leaves), *loops), jnp.array(firsts), jnp.array(lasts))
+    return Legs(jax.tree.map(lambda *leaves: np.stack(leaves), *loops), np.array(firsts), np.array(lasts))
 
 
 def _step(
@@ -263,12 +262,12 @@ def drive_cars(
     starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
     stride = max(1, cars // RECORDED)
     driven = drive(problem.vehicle, template, law, table, profiles, around, starts, limit, every, MOST_ROWS + 1, stride)
-    (last, _, clear), history = jax.block_until_ready(driven)
-    rows = 1 + int((np.asarray(history.clock) < np.asarray(history.clock[-1])).any(axis=1).sum())
+    (last, _, clear), history = jax.tree.map(np.asarray, driven)
+    rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)
-    arrived = np.asarray(last.theta) >= end[-1]
-    largest, clock = np.asarray(last.largest_value), np.asarray(last.clock)[arrived]
-    inside = (np.asarray(last.worst_safe) <= 1 + ROUNDING) & (np.asarray(clear) >= -ROUNDING)
+    arrived = last.theta >= end[-1]
+    largest, clock = last.largest_value, last.clock[arrived]
+    inside = (last.worst_safe <= 1 + ROUNDING) & (clear >= -ROUNDING)
     summary = ClosedLoop(
         cars=cars,
         left_funnel=int((~(largest <= 1 + ROUNDING)).sum()),
@@ -277,7 +276,7 @@ def drive_cars(
         largest_value=float(largest.max()),
         arrival=(float(clock.min()), float(clock.max())) if clock.size else None,
     )
-    clock, theta, value = (np.asarray(kept)[:rows] for kept in (history.clock, history.theta, history.value))
+    clock, theta, value = (kept[:rows] for kept in (history.clock, history.theta, history.value))
     return summary, Rollouts(clock, theta, np.stack(history.x, axis=-1)[:rows], value)
 
 
@@ -316,7 +315,7 @@ def inputs_along(
     if theta.shape != x.shape[:2]:
         refuse("theta", f"an array of shape {x.shape[0]} × {x.shape[1]}, as x has", theta)
     template = _template(legs)
-    profiles = jax.tree.map(np.asarray, profiles_of(problem.path))
+    profiles = profiles_of(problem.path)
     own = [leg_numbers(problem, leg) for leg in legs]
     table = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *own)
     ends = np.array([leg.end for leg in legs])

@@ -5,6 +5,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import cvxpy as cp
 import numpy as np
@@ -49,14 +50,24 @@ def product_matrix(
     return sp.csr_matrix((value, (at, column)), shape=(len(places), size * size))
 
 
-def _solve(program: Program) -> Solution:
-    started = time.perf_counter()
-    if not program.is_finite:
-        return Solution.failed(Clarabel.name, NOT_FINITE)
-    needed, free = cost_of(Clarabel.name, program.variables, program.degrees).memory, available_memory()
-    if needed > free:  # as the reference it is tried whatever the size is
-        message = f"it takes about {needed / GB:.2g} GB of memory, of which {free / GB:.2g} are free"
-        return Solution.failed(Clarabel.name, message)
+class Scaled(NamedTuple):
+    """A program coefficient by coefficient: target − λ drop = Σ products @ vec(Q), columns of Q one after another.
+
+    All are scaled to a largest number of 1: λ by unit/fall, Q_k by unit/scales[k].
+    """
+
+    target: Float[np.ndarray, " r"]
+    drop: Float[np.ndarray, " r"]
+    products: list[sp.csr_matrix]
+    sizes: list[int]  # rows of each Q
+    unit: float
+    fall: float
+    scales: list[float]
+    cap: float
+
+
+def scaled_program(program: Program) -> Scaled:
+    """As a general solver for semidefinite programs takes it."""
     places = rows(program.variables, 2 * max(program.degrees))
     names = list(places)
     vectors = [np.eye(1, len(places))[0], *program.constraints]  # of the free square's factor, 1
@@ -67,15 +78,30 @@ def _solve(program: Program) -> Solution:
     ]
     unit = float(np.abs(program.target).max()) or 1.0
     fall = float(np.abs(program.drop).max()) or 1.0
-    cap = CAP if program.cap is None else program.cap * fall / unit
     bases = [monomials(program.variables, degree) for degree in program.degrees]
+    products = [product_matrix(factor, basis, places) for factor, basis in zip(factors, bases, strict=True)]
+    cap = CAP if program.cap is None else program.cap * fall / unit
+    sizes = list(map(len, bases))
+    return Scaled(program.target / unit, program.drop / fall, products, sizes, unit, fall, scales, cap)
+
+
+def _solve(program: Program) -> Solution:
+    started = time.perf_counter()
+    if not program.is_finite:
+        return Solution.failed(Clarabel.name, NOT_FINITE)
+    needed, free = cost_of(Clarabel.name, program.variables, program.degrees).memory, available_memory()
+    if needed > free:  # as the reference it is tried whatever the size is
+        message = f"it takes about {needed / GB:.2g} GB of memory, of which {free / GB:.2g} are free"
+        return Solution.failed(Clarabel.name, message)
+    scaled = scaled_program(program)
+    unit, fall, scales, cap = scaled.unit, scaled.fall, scaled.scales, scaled.cap
     with _CVXPY:
         margin = cp.Variable()
-        grams = [cp.Variable((len(basis), len(basis)), PSD=True) for basis in bases]
-        total = program.drop / fall * margin
-        for factor, basis, gram in zip(factors, bases, grams, strict=True):
-            total = total + product_matrix(factor, basis, places) @ cp.vec(gram, order="F")
-        identity = total == program.target / unit
+        grams = [cp.Variable((size, size), PSD=True) for size in scaled.sizes]
+        total = scaled.drop * margin
+        for matrix, gram in zip(scaled.products, grams, strict=True):
+            total = total + matrix @ cp.vec(gram, order="F")
+        identity = total == scaled.target
         problem = cp.Problem(cp.Maximize(margin), [identity, margin <= cap])
         data, chain, inverse = problem.get_problem_data(cp.CLARABEL, solver_opts={})
         assert chain is not None
@@ -96,15 +122,14 @@ def _solve(program: Program) -> Solution:
         tuple(0.5 * (gram + gram.T) * unit / scale for gram, scale in zip(values, scales, strict=True)),
         time.perf_counter() - started,
         Clarabel.name,
-        _second_moments(identity.dual_value, places, program.variables) if margin.value < AT_CAP * cap else None,
+        _second_moments(identity.dual_value, program) if margin.value < AT_CAP * cap else None,
     )
 
 
-def _second_moments(
-    dual: Float[np.ndarray, " rows"] | None, places: dict[Exponents, int], variables: int
-) -> Float[np.ndarray, "v v"] | None:
+def _second_moments(dual: Float[np.ndarray, " rows"] | None, program: Program) -> Float[np.ndarray, "v v"] | None:
     """E[y yᵀ] under the measure that the dual solution stands for: it lives on the points that limit λ."""
-    if dual is None or not abs(mass := dual[places[(0,) * variables]]) > 0:
+    places = rows(program.variables, 2 * max(program.degrees))
+    if dual is None or not abs(mass := dual[places[(0,) * program.variables]]) > 0:
         return None
-    units = np.eye(variables, dtype=int)
+    units = np.eye(program.variables, dtype=int)
     return np.array([[dual[places[tuple(int(k) for k in a + b)]] / mass for b in units] for a in units])

@@ -1,0 +1,57 @@
+"""What was compiled once serves again: other numbers are no other program."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import jax
+import pytest
+
+from cfjax import Options, Problem, circle, synthesize
+from cfjax.synthesis import harden
+
+
+COMPILED = "/jax/core/compile/backend_compile_duration"
+OPTIONS = Options(cars=100, restarts=2, rounds=1)
+
+
+@contextmanager
+def compilations() -> Iterator[list[str]]:
+    """Of what, while this is open."""
+    found: list[str] = []
+    is_open = [True]
+
+    def listen(event: str, duration_secs: float, **kwargs: str | int) -> None:
+        if is_open[0] and event == COMPILED:
+            found.append(str(kwargs.get("fun_name", event)))
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    try:
+        yield found
+    finally:
+        is_open[0] = False  # JAX has no public way to take a listener back
+
+
+@pytest.fixture(scope="module")
+def first() -> int:
+    """How much the first run of this process compiled."""
+    with compilations() as compiled:
+        harden(synthesize(Problem(circle(), inlet=0.3, goal=0.5, safe=(1, 1, 1, 3)), OPTIONS), OPTIONS)
+    return len(compiled)
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        Problem(circle(), inlet=0.3, goal=0.5, safe=(1, 1, 1, 3)),
+        Problem(circle(radius=2.0, speed=1.8), inlet=0.25, goal=0.45, safe=(0.9, 1, 1.1, 3), timing=(0.6, 1.8)),
+    ],
+    ids=["the same", "other numbers"],
+)
+def test_a_second_run_compiles_nothing(first: int, problem: Problem) -> None:
+    """Learner, falsifier, solver, robustness and cars; the first run shows that compilations are seen."""
+    assert first > 3
+    with compilations() as compiled:
+        result = synthesize(problem, OPTIONS)
+        harden(result, OPTIONS)
+    assert result.margin_certified
+    assert not compiled
