@@ -27,7 +27,7 @@ def test_proven_figures_are_rounded_in_the_safe_direction() -> None:
 def test_the_tables_of_the_documents_know_which_figures_are_proven() -> None:
     value = 1.79851234
     for kind in (paper_table.Line, path_table.Line, tube_table.Line, tube_frontier.Point, vehicle_table.Line):
-        line = kind(**dict.fromkeys((field.name for field in dataclasses.fields(kind)), value))
+        line = kind(**dict.fromkeys([field.name for field in dataclasses.fields(kind)], value))  # pyright: ignore
         names = markdown([line]).splitlines()[0].strip("| ").split(" | ")
         shown = dict(zip(names, cells(line), strict=True))
         for name in ("certified", "falsified"):
