@@ -198,9 +198,8 @@ class Sensor(Robot):
 sensed = replace(problem, vehicle=Sensor())
 print(f"its body looks {np.degrees(sensed.side_slip):.2f}° away from the circle's tangent")
 found = cfjax.synthesize(sensed, replace(options, cars=0))
-print(
-    f"{found.verdict.value}: λ = {margin_text(found.margin_certified)} 1/s, by its axle {margin_text(result.margin_certified)} 1/s"
-)
+by_sensor, by_axle = margin_text(found.margin_certified), margin_text(result.margin_certified)
+print(f"{found.verdict.value}: λ = {by_sensor} 1/s, by its axle {by_axle} 1/s")
 display(picture_of(found))
 assert found.verdict is cfjax.Verdict.CERTIFIED
 
