@@ -21,7 +21,7 @@ from cfjax.errors import InputError
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for, learn_polytope
-from cfjax.options import Options, Progress, check_question, idle
+from cfjax.options import Options, Progress, check_question, doubts
 from cfjax.problem import Path, Problem, Vehicle
 from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
@@ -53,7 +53,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 
     Learn, certify, and where the proof falls short of what the falsifier could not refute, learn again from the points
     that stood in the way. The best certified funnel is what is returned. `inconclusive` is no proof that none exists.
-    What is given and changes nothing is named on stderr, in a line each.
+    What is given and changes nothing, and what another unit explains better, is named on stderr, in a line each.
 
     Raises:
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
@@ -62,7 +62,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     coerce.function("progress", progress)
     started = time.perf_counter()
     clock = Clock.of(progress)
-    for line in idle(problem, options):
+    for line in doubts(problem, options):
         print(f"warning: {line}", file=sys.stderr)
     if problem.path.tube or options.certificate == "segment" or options.learner == "polytope":
         result = _by_segments(problem, options, clock)

@@ -179,8 +179,8 @@ def _unnamed(file: File, table: Table) -> Meaning:
 
 
 def _look_for_units(table: Table, meaning: Meaning, header: Line | None = None) -> None:
-    """Raises InputError where a comment beside the header speaks of a unit that the columns do not have."""
-    for line in table.before:
+    """Raises InputError where another line than the header speaks of a unit that the columns do not have."""
+    for line in (*table.before, *table.comments):
         if line is header:
             continue
         if not meaning.speed_unit and (unit := speed_unit_in(line.text)):

@@ -136,7 +136,7 @@ CASES = [
     (["+path=circle", "sets=null"], "sets: expected a value for one of its keys, like sets.inlet, got null"),
     (["+path=circle", "vehicle=truck"], "vehicle: expected one of custom, parkour, got truck"),
     (["+path=circle", "vehicle.wheelbase=330"], "vehicle.wheelbase: expected m, from 0.005 to 25, got 330; 330 mm are"),
-    (["+path=circle", "vehicle.max_tan_steering=25"], "at most 10, got 25; 25 degrees have the tangent 0.4663"),
+    (["+path=circle", "vehicle.max_tan_steering=25"], "got 25, an angle of 87.7 degrees; 25 degrees have the tangent"),
     (
         ["+path=circle", "vehicle.max_thrust=5000"],
         "vehicle.max_thrust: expected m/s², at most 100, got 5000: no force in",
