@@ -116,7 +116,7 @@ def test_the_answer_speaks_of_the_nearest_tube() -> None:
             "68 above 32, where tube narrow-gentle-fast ends; tubes hold it there with a speed from 0.5",
         ),
         (
-            circle(0.4, 0.1),
+            circle(0.5, 0.1),
             "0.4 below 0.5, where tube narrow-tight-slow ends; tubes hold it there with a speed from 0.5",
         ),
         (
@@ -124,7 +124,7 @@ def test_the_answer_speaks_of_the_nearest_tube() -> None:
             "1.03 above 2.3, where tube narrow-tight-slow ends; tubes hold it there with a curvature from",
         ),
         (
-            circle(0.4, 100.0),
+            circle(0.5, 100.0),
             "68 above 32, where tube narrow-tight-fast ends; tubes hold it there with a speed from 0.5",
         ),
     ],
