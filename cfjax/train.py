@@ -160,7 +160,7 @@ def _main() -> int:
     parser = get_args_parser()
     parser.exit_on_error = False
     try:
-        given, unknown = parser.parse_known_args()
+        given, unknown = parser.parse_known_intermixed_args()  # flags behind key=value too
     except argparse.ArgumentError as error:
         return _refuse(f"{error.argument_name}: expected as --help says, got {' '.join(sys.argv[1:])}")
     if unknown:
@@ -168,7 +168,7 @@ def _main() -> int:
     if given.config_dir is not None and not Path(given.config_dir).is_dir():
         return _refuse(f"--config-dir: expected a folder, got {given.config_dir}")
     if not (given.shell_completion or given.experimental_rerun):  # which have no question or bring their own
-        begin = sys.argv.index(given.overrides[0], 1) if given.overrides else 1
+        flags = _without(sys.argv[1:], given.overrides)
         try:
             overrides = hydra_overrides(given.overrides, sweep=given.multirun)
         except InputError as error:
@@ -177,7 +177,7 @@ def _main() -> int:
             Checks.identity = sweep_identity(overrides)
             if not any(override.startswith("hydra.sweep.dir=") for override in overrides):
                 overrides.append(f"hydra.sweep.dir=multirun/{sweep_name(Checks.identity)}")
-        sys.argv[begin : begin + len(given.overrides)] = overrides
+        sys.argv[1:] = [*flags, *overrides]
     results: list[Result] = []
     refusals: list[InputError | NotWritten] = []
     begun: list[bool] = []
@@ -222,6 +222,17 @@ def _main() -> int:
     if not results:  # --help, --cfg and the like
         return 0
     return CERTIFIED if results[0].verdict.value == "certified" else NOT_CERTIFIED
+
+
+def _without(arguments: list[str], others: list[str]) -> list[str]:
+    """The arguments without the others, which stand among them in this order."""
+    rest, kept = list(others), []
+    for argument in arguments:
+        if rest and argument == rest[0]:
+            rest.pop(0)
+        else:
+            kept.append(argument)
+    return kept
 
 
 def run_job(node: "DictConfig") -> "Result | None":

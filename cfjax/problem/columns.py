@@ -191,7 +191,7 @@ def _parsed(name: str) -> _Name:
     bare, unit = text, None
     if bracket := re.search(r"\s*[\[({<]\s*(.*?)\s*[\])}>]\s*", text):
         bare = (text[: bracket.start()] + " " + text[bracket.end() :]).strip()
-        content = bracket.group(1)
+        content = re.sub(r"^in\s+", "", bracket.group(1), flags=re.IGNORECASE)  # x (in cm)
         if re.fullmatch(r"\d*", content) or content == "-":
             bare = text[: bracket.start()] + text[bracket.end() :]
         else:

@@ -151,8 +151,11 @@ def _text(file: File) -> str:
         data = file.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{file}: expected a CSV file of waypoints, there is no such file") from None
+    except IsADirectoryError:
+        raise InputError(f"{file}: expected a CSV file of waypoints, got a folder") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{file}: expected a CSV file of waypoints, it cannot be read ({error})") from None
+        reason = error.strerror if isinstance(error, OSError) else "a file's name has no zero bytes"
+        raise InputError(f"{file}: expected a CSV file of waypoints, it cannot be read ({reason})") from None
     for mark, kind in _MARKS.items():
         if data.startswith(mark):
             raise InputError(f"{file}: expected a CSV file of waypoints, got {kind}: save it as CSV")

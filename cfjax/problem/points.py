@@ -77,6 +77,8 @@ def read_points(source: Source, columns: Sequence[str] | None = None) -> Points:
     if columns is not None and not (listed and all(isinstance(name, str) for name in columns)):
         raise InputError(f"path.columns: expected a list of names, as [x,y,speed], got {shown(columns)}")
     if isinstance(source, str | PathLike):
+        if not str(source).strip():
+            raise InputError("points: expected the name of a file, got an empty text")
         return _of_file(File(source), columns)
     return _of_memory(source, columns)
 
