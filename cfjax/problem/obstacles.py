@@ -36,7 +36,7 @@ class Disc:
         x, y, radius = numbers("sets.obstacles", given := [x, y, radius], expected)
         if radius <= 0:
             refuse("sets.obstacles", expected, given)
-        _near("sets.obstacles", given)
+        _near("sets.obstacles", (x, y, radius))
         keep(self, x=x, y=y, radius=radius)
 
     @property

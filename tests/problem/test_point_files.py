@@ -102,6 +102,7 @@ FORMS = {  # texts, each of points on ARC, and the speed that they mean in m/s
     "x,y,v\n[m],[m],[km/h]\n{,|,36}": 10.0,
     "x_mm,y_mm,v_km_h\n{,|,36|e3}": 10.0,
     "posX (cm);posY (cm);Speed [mph]\n{;|;10|e2}": 4.4704,
+    "x (in cm),y (in cm),v (in km/h)\n{,|,36|e2}": 10.0,
     "East,North,velocity\n{,|,2.5}": 2.5,
     "x in km,y in km,speed m/s\n{,|,2|e-3}": 2.0,
     "xm,ym,vkmh\n{,|,7.2}": 2.0,
@@ -303,6 +304,19 @@ def test_what_is_known_of_a_bicycle_alone_is_refused_for_others() -> None:
     with pytest.raises(InputError, match=r"path\.reserve: expected none for a unicycle, of whose .*, got 0\.3$"):
         waypoints(arc(1.0, 4.0), vehicle=Unicycle(), reserve=0.3)
     assert waypoints(arc(1.0, 4.0), vehicle=Unicycle())
+
+
+def test_what_is_no_file_gets_one_line(tmp_path: File) -> None:
+    with pytest.raises(InputError, match=r"^points: expected the name of a file, got an empty text$"):
+        waypoints("")
+    with pytest.raises(InputError, match=r": expected a CSV file of waypoints, got a folder$"):
+        waypoints(tmp_path)
+    with pytest.raises(
+        InputError, match=r": expected a CSV file of waypoints, it cannot be read \(File name too long\)$"
+    ):
+        waypoints("a" * 5000)
+    with pytest.raises(InputError, match=r"it cannot be read \(a file's name has no zero bytes\)$"):
+        waypoints("a\0b")
 
 
 # --- laps
