@@ -17,7 +17,7 @@ from cfjax.check.reader import Broken
 from cfjax.check.tube import has_tube_structure, require_tube_structure
 from cfjax.clock import Clock
 from cfjax.demonstrator import demonstrate
-from cfjax.errors import InputError
+from cfjax.errors import InputError, Interrupted
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for, learn_polytope
@@ -57,6 +57,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 
     Raises:
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
+        Interrupted: a KeyboardInterrupt, with the result of an earlier round that has proven something.
     """
     check_question(problem, options)
     coerce.function("progress", progress)
@@ -141,7 +142,10 @@ def _by_tubes(problem: Problem, options: Options, clock: Clock) -> Result:
 
     def learned(bounds: Problem, beta_inner: float) -> Result:
         inner = min(beta_inner, options.beta_inner or beta_inner)
-        return _by_segments(bounds, replace(options, beta_inner=inner), clock)
+        try:
+            return _by_segments(bounds, replace(options, beta_inner=inner), clock)
+        except Interrupted:  # what was proven answers another question
+            raise KeyboardInterrupt from None
 
     with clock.stage("tubes"):
         found = hold_by_library(problem) if _fits_tubes(options) else None
@@ -230,6 +234,11 @@ class _Search:
                     f"warning: round {round_ + 1} failed ({_reason(error)}); an earlier proof stands", file=sys.stderr
                 )
                 break
+            except KeyboardInterrupt:
+                if best is None or best.verdict is not Verdict.CERTIFIED:
+                    raise
+                seconds = {**self.clock.seconds, "total": sum(self.clock.seconds.values())}
+                raise Interrupted(self._told(best).replace(seconds=seconds)) from None
             before = 0.0 if best is None else best.margin_certified or 0.0
             best = result if best is None else max(best, result, key=self._rank)
             certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
@@ -252,6 +261,10 @@ class _Search:
                 # the proof fell short of what the learner aimed at: aim as much higher
                 aim.target *= 1.001 * wanted / certified if certified else 1 / GOOD_SHARE
         assert best is not None
+        return self._told(best)
+
+    def _told(self, best: Result) -> Result:
+        """The result with how it was found."""
         return best.replace(iterations=len(self.history), history=tuple(self.history), search=self.search)
 
     def _round(self, round_: int, aim: "_Aim") -> Result:

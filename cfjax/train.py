@@ -117,11 +117,15 @@ def _refusals(label: str) -> Iterator[None]:
 def main() -> int:
     """Entry point; the arguments are those of the command line."""
     prepare_environment()
+    from cfjax.errors import Interrupted
     from cfjax.report.run_folder import RESULT
 
     with lasting_streams():
         try:
             return _main()
+        except Interrupted:
+            print(f"interrupted; an earlier round's proof is kept: {Checks.run or Checks.sweep}", file=sys.stderr)
+            return INTERRUPTED
         except KeyboardInterrupt:
             complete = Checks.run is not None and (Checks.run / RESULT).exists()
             print(f"interrupted; the run is complete: {Checks.run}" if complete else "interrupted", file=sys.stderr)
@@ -297,9 +301,10 @@ def run(
 
     Raises:
         NotWritten: where the folder does not take it; what came out is said, and kept elsewhere where that is possible.
+        Interrupted: when what an earlier round has proven is written.
     """
     from cfjax.conf import waypoint_file, yaml_of
-    from cfjax.errors import NotWritten
+    from cfjax.errors import Interrupted, NotWritten
     from cfjax.report.page import save_page
     from cfjax.report.plot import save_picture
     from cfjax.report.progress import progress_on
@@ -311,16 +316,20 @@ def run(
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
     if problem.path.source:
         print(problem.path.source, flush=True)
+    stopped: Interrupted | None = None
     try:
         with progress_on() as clock:
-            result = search(problem, options, clock).replace(command=command)
+            try:
+                result = search(problem, options, clock).replace(command=command)
+            except Interrupted as stop:  # who waits no longer gets the proof, and nothing that takes time
+                stopped, result = stop, stop.result.replace(command=command)
             result = write_run(
                 result,
                 folder,
                 yaml_of(config),
                 save_picture,
-                harden=(lambda proven: harden(proven, options, clock)) if options.robustness else None,
-                drive=lambda proven: drive(proven, options, clock),
+                harden=(lambda proven: harden(proven, options, clock)) if options.robustness and not stopped else None,
+                drive=None if stopped else lambda proven: drive(proven, options, clock),
                 points=points,
                 page=save_page,
                 progress=clock,
@@ -338,6 +347,8 @@ def run(
         track(result, config, folder, group)
     print(summary(result, options.objective))
     print(f"run: {folder}", flush=True)
+    if stopped:
+        raise stopped
     return result
 
 

@@ -450,7 +450,8 @@ def check(file: File, meant: Written, whole: bool = False) -> bool:
         count = min(len(speed), len(meant.speed))
         np.testing.assert_allclose(speed[:count], meant.speed[:count], rtol=2e-3, err_msg=str(meant.forms))
     if whole:
-        path = waypoints(file, vehicle=KinematicBicycle(wheelbase=0.1), acceleration=2.0)
+        spacing = float(np.median(np.abs(np.diff(place))))
+        path = waypoints(file, vehicle=KinematicBicycle(wheelbase=max(0.1, spacing / 100)), acceleration=2.0)
         assert length(path) == pytest.approx(meant.length, rel=5e-3), meant.forms
         assert path.source.startswith(f"{file.name}: {len(place)} points, ") and "\n" not in path.source
     return True
