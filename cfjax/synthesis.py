@@ -237,7 +237,7 @@ class _Search:
             except KeyboardInterrupt:
                 if best is None or best.verdict is not Verdict.CERTIFIED:
                     raise
-                seconds = {**self.clock.seconds, "total": sum(self.clock.seconds.values())}
+                seconds = {**self.clock.seconds, "total": sum(self.clock.seconds.values(), 0.0)}
                 raise Interrupted(self._told(best).replace(seconds=seconds)) from None
             before = 0.0 if best is None else best.margin_certified or 0.0
             best = result if best is None else max(best, result, key=self._rank)
