@@ -1,4 +1,4 @@
-"""Errors that are one line for a user: a question that cannot be asked, and an answer that cannot be written."""
+"""What ends a search: a question that cannot be asked, an answer that cannot be written, Ctrl-C after a proof."""
 
 from typing import Any
 
@@ -19,4 +19,12 @@ class NotWritten(RuntimeError):
 
     def __init__(self, message: str, result: Any = None) -> None:
         super().__init__(message)
+        self.result = result
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, when an earlier round had proven something: `result` is that, a `cfjax.result.Result`."""
+
+    def __init__(self, result: Any = None) -> None:  # a worker hands it on without
+        super().__init__()
         self.result = result

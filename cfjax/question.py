@@ -7,16 +7,18 @@ from typing import Any
 from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.options import Options
-from cfjax.problem import Interval, Method, Problem
+from cfjax.problem import Interval, KinematicBicycle, Method, Problem
 from cfjax.problem.problem import TIMING
 
 
 GRADIENTS = ("restarts", "rounds")  # of that learner alone
 
 
-def idle(problem: Problem, options: Options) -> list[str]:
-    """What is given and changes nothing, a line each: somebody may have meant something else by it."""
-    lines = []
+def doubts(problem: Problem, options: Options) -> list[str]:
+    """What is given and changes nothing, or what another unit explains better, a line each."""
+    lines = [problem.path.doubt] if problem.path.doubt else []
+    if isinstance(problem.vehicle, KinematicBicycle):
+        lines += problem.vehicle.doubts
     if problem.method is Method.TT and problem.timing not in (TIMING, Interval(1.0, 1.0)):
         lines.append(f"timing: {problem.timing} does nothing with method=tt, where u0 is 1")
     for label, heading in (

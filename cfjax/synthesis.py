@@ -17,14 +17,14 @@ from cfjax.check.reader import Broken
 from cfjax.check.tube import has_tube_structure, require_tube_structure
 from cfjax.clock import Clock
 from cfjax.demonstrator import demonstrate
-from cfjax.errors import InputError
+from cfjax.errors import InputError, Interrupted
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned, learn_for
 from cfjax.learner.objective import rank
 from cfjax.options import Options, Progress
 from cfjax.problem import Path, Problem, Vehicle
-from cfjax.question import check_question, idle
+from cfjax.question import check_question, doubts
 from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
@@ -55,16 +55,17 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 
     Learn, certify, and where the proof falls short of what the falsifier could not refute, learn again from the points
     that stood in the way. The best certified funnel is what is returned. `inconclusive` is no proof that none exists.
-    What is given and changes nothing is named on stderr, in a line each.
+    What is given and changes nothing, and what another unit explains better, is named on stderr, in a line each.
 
     Raises:
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
+        Interrupted: a KeyboardInterrupt, with the result of an earlier round that has proven something.
     """
     check_question(problem, options)
     coerce.function("progress", progress)
     started = time.perf_counter()
     clock = Clock.of(progress)
-    for line in idle(problem, options):
+    for line in doubts(problem, options):
         print(f"warning: {line}", file=sys.stderr)
     if problem.path.tube or options.certificate == "segment" or options.learner == "polytope":
         result = _by_segments(problem, options, clock)
@@ -143,7 +144,10 @@ def _by_tubes(problem: Problem, options: Options, clock: Clock) -> Result:
 
     def learned(bounds: Problem, beta_inner: float) -> Result:
         inner = min(beta_inner, options.beta_inner or beta_inner)
-        return _by_segments(bounds, replace(options, beta_inner=inner), clock)
+        try:
+            return _by_segments(bounds, replace(options, beta_inner=inner), clock)
+        except Interrupted:  # what was proven answers another question
+            raise KeyboardInterrupt from None
 
     with clock.stage("tubes"):
         found = hold_by_library(problem) if _fits_tubes(options) else None
@@ -232,6 +236,11 @@ class _Search:
                     f"warning: round {round_ + 1} failed ({_reason(error)}); an earlier proof stands", file=sys.stderr
                 )
                 break
+            except KeyboardInterrupt:
+                if best is None or best.verdict is not Verdict.CERTIFIED:
+                    raise
+                seconds = {**self.clock.seconds, "total": sum(self.clock.seconds.values(), 0.0)}
+                raise Interrupted(self._told(best).replace(seconds=seconds)) from None
             before = 0.0 if best is None else best.margin_certified or 0.0
             best = result if best is None else max(best, result, key=self._rank)
             certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
@@ -254,6 +263,10 @@ class _Search:
                 # the proof fell short of what the learner aimed at: aim as much higher
                 aim.target *= 1.001 * wanted / certified if certified else 1 / GOOD_SHARE
         assert best is not None
+        return self._told(best)
+
+    def _told(self, best: Result) -> Result:
+        """The result with how it was found."""
         return best.replace(iterations=len(self.history), history=tuple(self.history), search=self.search)
 
     def _round(self, round_: int, aim: "_Aim") -> Result:

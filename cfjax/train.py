@@ -123,11 +123,15 @@ def main() -> int:
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)  # nor does it at the end, where all of them go with the process
     prepare_environment()
+    from cfjax.errors import Interrupted
     from cfjax.report.files import RESULT
 
     with lasting_streams():
         try:
             return _main()
+        except Interrupted:
+            print(f"interrupted; an earlier round's proof is kept: {Checks.run or Checks.sweep}", file=sys.stderr)
+            return INTERRUPTED
         except KeyboardInterrupt:
             complete = Checks.run is not None and (Checks.run / RESULT).exists()
             print(f"interrupted; the run is complete: {Checks.run}" if complete else "interrupted", file=sys.stderr)
@@ -166,7 +170,7 @@ def _main() -> int:
     parser = get_args_parser()
     parser.exit_on_error = False
     try:
-        given, unknown = parser.parse_known_args()
+        given, unknown = parser.parse_known_intermixed_args()  # flags behind key=value too
     except argparse.ArgumentError as error:
         return _refuse(f"{error.argument_name}: expected as --help says, got {' '.join(sys.argv[1:])}")
     if unknown:
@@ -174,7 +178,7 @@ def _main() -> int:
     if given.config_dir is not None and not Path(given.config_dir).is_dir():
         return _refuse(f"--config-dir: expected a folder, got {given.config_dir}")
     if not (given.shell_completion or given.experimental_rerun):  # which have no question or bring their own
-        begin = sys.argv.index(given.overrides[0], 1) if given.overrides else 1
+        flags = _without(sys.argv[1:], given.overrides)
         try:
             overrides = hydra_overrides(given.overrides, sweep=given.multirun)
         except InputError as error:
@@ -183,7 +187,7 @@ def _main() -> int:
             Checks.identity = sweep_identity(overrides)
             if not any(override.startswith("hydra.sweep.dir=") for override in overrides):
                 overrides.append(f"hydra.sweep.dir=multirun/{sweep_name(Checks.identity)}")
-        sys.argv[begin : begin + len(given.overrides)] = overrides
+        sys.argv[1:] = [*flags, *overrides]
     results: list[Result] = []
     refusals: list[InputError | NotWritten] = []
     begun: list[bool] = []
@@ -228,6 +232,17 @@ def _main() -> int:
     if not results:  # --help, --cfg and the like
         return 0
     return CERTIFIED if results[0].verdict.value == "certified" else NOT_CERTIFIED
+
+
+def _without(arguments: list[str], others: list[str]) -> list[str]:
+    """The arguments without the others, which stand among them in this order."""
+    rest, kept = list(others), []
+    for argument in arguments:
+        if rest and argument == rest[0]:
+            rest.pop(0)
+        else:
+            kept.append(argument)
+    return kept
 
 
 def run_job(node: "DictConfig") -> "Result | None":
@@ -293,9 +308,10 @@ def run(
 
     Raises:
         NotWritten: where the folder does not take it; what came out is said, and kept elsewhere where that is possible.
+        Interrupted: when what an earlier round has proven is written.
     """
     from cfjax.conf import waypoint_file, yaml_of
-    from cfjax.errors import NotWritten
+    from cfjax.errors import Interrupted, NotWritten
     from cfjax.report.files import refuse_finished
     from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import keep_elsewhere, write_run
@@ -305,6 +321,7 @@ def run(
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
     told: list[str] = []
+    stopped: Interrupted | None = None
 
     def tell(result: "Result") -> None:
         if (text := summary(result, options.objective)) not in told:
@@ -312,7 +329,7 @@ def run(
             told.append(text)
 
     def driven(proven: "Result") -> "Result":
-        result = drive(proven, options, clock)
+        result = proven if stopped else drive(proven, options, clock)
         tell(result)  # what is left, pictures, takes its time
         return result
 
@@ -330,13 +347,16 @@ def run(
         print(problem.path.source, flush=True)
     try:
         with progress_on() as clock:
-            result = search(problem, options, clock).replace(command=command)
+            try:
+                result = search(problem, options, clock).replace(command=command)
+            except Interrupted as stop:  # who waits no longer gets the proof, and nothing that takes time
+                stopped, result = stop, stop.result.replace(command=command)
             result = write_run(
                 result,
                 folder,
                 yaml_of(config),
                 picture,
-                harden=(lambda proven: harden(proven, options, clock)) if options.robustness else None,
+                harden=(lambda proven: harden(proven, options, clock)) if options.robustness and not stopped else None,
                 drive=driven,
                 points=points,
                 page=page,
@@ -355,6 +375,8 @@ def run(
         track(result, config, folder, group)
     print("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items()))
     print(f"run: {folder}", flush=True)
+    if stopped:
+        raise stopped
     return result
 
 

@@ -16,12 +16,12 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cfjax.conf import options_of, preset, problem_of
 from cfjax.learner.oracle import PATIENCE
-from cfjax.report.lines import markdown, write_lines
+from cfjax.report.lines import AT_LEAST, markdown, write_lines
 from cfjax.report.paper_rows import agreement, paper_found
 from cfjax.report.rounded import margin_text
 from cfjax.synthesis import synthesize
@@ -61,9 +61,9 @@ class Line:
     learner: str
     verdict: str
     best_before: float | None
-    falsified: float | None
-    certified: float | None
-    certified_share: float | None  # of the falsified margin
+    falsified: float | None = field(metadata=AT_LEAST)
+    certified: float | None = field(metadata=AT_LEAST)
+    certified_share: float | None = field(metadata=AT_LEAST)  # of the falsified margin
     cars_lost: int | None  # left the funnel or S, or missed G
     paper: str
     agreement: str
@@ -162,10 +162,6 @@ def compared(lines: Sequence[Line]) -> list[Comparison]:
     ]
 
 
-def _number(margin: float | None) -> float:
-    return math.nan if margin is None else margin
-
-
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -182,7 +178,7 @@ def main() -> None:
             lines.append(line)
             print(
                 f"{line.row:20} {line.template:12} {line.method}  {line.learner:8}  {line.verdict:12} "
-                f"falsified {_number(line.falsified):8.4f}  certified {_number(line.certified):8.4f}  "
+                f"falsified {margin_text(line.falsified):>8}  certified {margin_text(line.certified):>8}  "
                 f"candidates {line.candidates}  witnesses {line.witnesses}  {line.searches}  "
                 f"lost {line.cars_lost}  {line.seconds:5.1f} s",
                 flush=True,

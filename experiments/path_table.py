@@ -15,7 +15,7 @@ from pathlib import Path
 from cfjax import InputError, Options, synthesize
 from cfjax.conf import preset, problem_of
 from cfjax.funnel import LATERAL, lateral_half_width
-from cfjax.report.lines import markdown, write_lines
+from cfjax.report.lines import AT_LEAST, AT_MOST, markdown, write_lines
 
 
 ROWS = (
@@ -39,10 +39,10 @@ class Line:
     method: str
     way: str
     verdict: str
-    certified: float | None  # 1/s
-    falsified: float | None
-    half_width: float | None
-    disturbance: float | None
+    certified: float | None = dataclasses.field(metadata=AT_LEAST)  # 1/s
+    falsified: float | None = dataclasses.field(metadata=AT_LEAST)
+    half_width: float | None = dataclasses.field(metadata=AT_MOST)
+    disturbance: float | None = dataclasses.field(metadata=AT_LEAST)
     stretches: int | None
     cars_lost: int | None
     seconds: int

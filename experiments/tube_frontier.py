@@ -10,14 +10,14 @@ Points that stand in the CSV already are not computed again.
 import argparse
 import csv
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from cfjax import Box, Ellipsoid, Method, Options, Problem, ball, synthesize, tube
-from cfjax.report.lines import markdown, write_lines
+from cfjax.report.lines import AT_LEAST, AT_MOST, markdown, write_lines
 from cfjax.report.style import CAR_COLOURS, STYLE
 
 
@@ -34,9 +34,9 @@ class Point:
     speed: float  # m/s
     curvature: float  # 1/m
     width: float  # m, the largest half-width allowed
-    lateral: float | None  # m, that of the tube
-    falsified: float | None  # 1/s
-    certified: float | None
+    lateral: float | None = field(metadata=AT_MOST)  # m, that of the tube
+    falsified: float | None = field(metadata=AT_LEAST)  # 1/s
+    certified: float | None = field(metadata=AT_LEAST)
 
 
 def measure(method: str, speed: float, curvature: float, width: float) -> Point:

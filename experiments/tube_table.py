@@ -13,7 +13,7 @@ import math
 from pathlib import Path
 
 from cfjax import Ellipsoid, Interval, Method, Options, Problem, ball, synthesize, tube
-from cfjax.report.lines import markdown, write_lines
+from cfjax.report.lines import AT_LEAST, AT_MOST, markdown, write_lines
 
 
 FREE = (3.0, 20.0)  # half-axes of G in heading and speed that ask for nothing
@@ -50,13 +50,13 @@ class Line:
     goal: str
     verdict: str
     before: float | None
-    falsified: float | None
-    certified: float | None
-    per_metre: float | None
-    alpha: float | None
-    lateral: float | None
-    longitudinal: float | None
-    speed: float | None
+    falsified: float | None = dataclasses.field(metadata=AT_LEAST)
+    certified: float | None = dataclasses.field(metadata=AT_LEAST)
+    per_metre: float | None = dataclasses.field(metadata=AT_LEAST)
+    alpha: float | None = dataclasses.field(metadata=AT_MOST)
+    lateral: float | None = dataclasses.field(metadata=AT_MOST)
+    longitudinal: float | None = dataclasses.field(metadata=AT_MOST)
+    speed: float | None = dataclasses.field(metadata=AT_MOST)
     cars_lost: int | None
     seconds: float
 

@@ -9,7 +9,6 @@ of learning, proof and check, without control periods and cars. A vehicle that c
 
 import argparse
 import dataclasses
-import math
 from pathlib import Path
 
 from cfjax import InputError, Options, Vehicle
@@ -19,7 +18,8 @@ from cfjax.check.reader import Broken
 from cfjax.check.replay import check_document, check_robustness
 from cfjax.conf import preset, problem_of
 from cfjax.problem import Box, KinematicBicycle, ball
-from cfjax.report.lines import markdown, write_lines
+from cfjax.report.lines import AT_LEAST, markdown, write_lines
+from cfjax.report.rounded import MILLI, NOTHING, rounded_down
 from cfjax.result import Result
 from cfjax.synthesis import drive, search
 from experiments.vehicles.front_axle import FrontAxleCar
@@ -38,9 +38,9 @@ class Line:
     path: str
     method: str
     verdict: str
-    certified: float | None  # 1/s
-    falsified: float | None
-    period_ms: float | None
+    certified: float | None = dataclasses.field(metadata=AT_LEAST)  # 1/s
+    falsified: float | None = dataclasses.field(metadata=AT_LEAST)
+    period_ms: str
     cars_lost: int | None
     seconds: int
 
@@ -68,20 +68,16 @@ def run(vehicle: Vehicle, path: str, method: str, cars: int) -> Line | None:
     )
 
 
-def period(result: Result) -> float | None:
-    """For how long inputs may be held, ms, to three digits; None where nothing is proven of it."""
+def period(result: Result) -> str:
+    """For how long inputs may be held, ms, rounded down to three digits; a dash where nothing is proven of it."""
     if result.document is None or result.margin_certified is None:
-        return None
+        return NOTHING
     try:
         hints = robustness_of(result)
     except (NotProven, Broken, ValueError):
-        return None
+        return NOTHING
     proven = check_robustness(check_document(result.document), result.document, hints).robustness
-    if proven is None:
-        return None
-    value = 1e3 * float(proven.alone.period)
-    step = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return math.floor(value / step) * step
+    return NOTHING if proven is None else rounded_down(proven.alone.period, 3, MILLI)
 
 
 def main() -> None:

@@ -27,6 +27,7 @@ from cfjax.problem import KinematicBicycle, Pose, Profile, Segment, waypoints
 from cfjax.problem import Path as Course
 from cfjax.report.page import save_page
 from cfjax.report.plot import save_picture
+from cfjax.report.rounded import margin_text
 from cfjax.report.run_folder import write_run
 from cfjax.synthesis import drive, search
 
@@ -123,7 +124,7 @@ def main() -> int:
                 str(count),
                 name,
                 result.verdict.value,
-                "–" if margin is None else f"{margin:.3f} 1/s",
+                f"{margin_text(margin)} 1/s",
                 str(stretches or "–"),
                 *(f"{seconds:.1f} s" for seconds in (*times, total)),
             )

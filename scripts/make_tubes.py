@@ -23,6 +23,7 @@ from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import rational
 from cfjax.report.files import write_whole
 from cfjax.report.progress import progress_on
+from cfjax.report.rounded import margin_text, rounded_up
 from cfjax.tubes.store import pack, read_tube
 
 
@@ -97,8 +98,9 @@ def main() -> int:
         write_whole(path, pack(dump(result.document)))
         found = read_tube(path)  # as it lies on disk
         print(
-            f"{wish.name}: lambda {float(found.margin):.4g} 1/s, {float(found.margin_per_metre):.4g} per metre, "
-            f"lateral half-width {float(found.inverse[1, 1]) ** 0.5:.3g} m, {path.stat().st_size >> 10} kB, "
+            f"{wish.name}: lambda {margin_text(float(found.margin))} 1/s, "
+            f"{margin_text(float(found.margin_per_metre))} per metre, "
+            f"lateral half-width {rounded_up(float(found.inverse[1, 1]) ** 0.5, 3)} m, {path.stat().st_size >> 10} kB, "
             f"{result.seconds['total']:.0f} s",
             flush=True,
         )

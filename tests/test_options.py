@@ -8,7 +8,7 @@ import cfjax.synthesis
 from cfjax.conf import options_of, preset, problem_of
 from cfjax.options import Elimination, Options
 from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight, tube
-from cfjax.question import idle
+from cfjax.question import doubts
 from cfjax.result import Result
 
 
@@ -51,10 +51,24 @@ CIRCLE = Problem(circle())
                 "sets.safe: 60 rad of heading are no limit, for headings end at pi rad; 60 degrees are 1.047 rad",
             ],
         ),
+        (
+            Problem(circle(), vehicle=KinematicBicycle(0.34, 1.6, 40.0)),
+            Options(),
+            [
+                "vehicle.max_tan_steering: more than cars have, 1.6, an angle of 58 degrees; 1.6 degrees "
+                "have the tangent 0.02793",
+                "vehicle.max_thrust: 40 m/s² are more than cars have; is it a force in N?",
+            ],
+        ),
+        (
+            Problem(circle(radius=90.0), vehicle=KinematicBicycle(13.0)),
+            Options(),
+            ["vehicle.wheelbase: 13 m are more than cars have; 13 cm are 0.13 m"],
+        ),
     ],
 )
-def test_what_does_nothing_is_said(problem: Problem, options: Options, lines: list[str]) -> None:
-    assert idle(problem, options) == lines
+def test_what_does_nothing_or_is_in_another_unit_is_said(problem: Problem, options: Options, lines: list[str]) -> None:
+    assert doubts(problem, options) == lines
 
 
 def test_a_search_says_it_once(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
@@ -68,11 +82,16 @@ def test_a_search_says_it_once(monkeypatch: pytest.MonkeyPatch, capfd: pytest.Ca
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: KinematicBicycle(max_tan_steering=25.0), "at most 10, got 25; 25 degrees have the tangent 0.4663"),
+        (
+            lambda: KinematicBicycle(max_tan_steering=25.0),
+            "at most 2.75 (70 degrees), got 25, an angle of 87.7 degrees; 25 degrees have the tangent 0.4663",
+        ),
+        (lambda: KinematicBicycle(max_tan_steering=5.0), "got 5, an angle of 78.7 degrees; 5 degrees have the tangent"),
         (
             lambda: KinematicBicycle(max_tan_steering=400.0),
-            "of the largest steering angle, at most 10, got 400",
+            "of the largest steering angle, at most 2.75 (70 degrees), got 400, an angle of 89.9 degrees",
         ),
+        (lambda: KinematicBicycle(wheelbase=34.0), "expected m, from 0.005 to 25, got 34; 34 cm are 0.34 m"),
         (lambda: KinematicBicycle(wheelbase=330.0), "expected m, from 0.005 to 25, got 330; 330 mm are 0.33 m"),
         (lambda: KinematicBicycle(wheelbase=0.0027), "expected m, from 0.005 to 25, got 0.0027"),
         (lambda: KinematicBicycle(max_thrust=3000.0), "expected m/s², at most 100, got 3000: no force in N"),
@@ -88,6 +107,7 @@ def test_what_only_another_unit_explains_is_refused(build, words: str) -> None:
 
 
 def test_cars_of_every_size_are_none_of_these() -> None:
-    for wheelbase, angle in ((0.05, 30), (0.33, 24), (2.7, 28.6), (7.0, 45), (0.34, 80)):
-        KinematicBicycle(wheelbase, float(np.tan(np.radians(angle))))
+    for wheelbase, angle in ((0.05, 30), (0.33, 24), (2.7, 28.6), (7.0, 45), (0.34, 69)):
+        car = KinematicBicycle(wheelbase, float(np.tan(np.radians(angle))))
+        assert bool(car.doubts) == (angle > 50)
     Problem(circle(), ball(0.4), safe=Box([np.pi, 1, 1, 3]))

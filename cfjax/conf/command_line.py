@@ -10,11 +10,12 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, Quote, QuotedString
 from hydra.errors import HydraException
 
-from cfjax.conf.messages import PLACES, expected_at, is_named_values, is_text
+from cfjax.conf.messages import CHOICES, PLACES, expected_at, is_list_of_texts, is_named_values, is_text
 from cfjax.errors import InputError
 
 
 DEFAULT_PATH = "oval"
+VERBOSE = "hydra.verbose"  # true, or the loggers that are to say more: Hydra takes any word for a logger
 GROUPS = ("path", "vehicle", "objective", "experiment")
 KEY = re.compile(r"(\+{0,2})([^\W\d][\w-]*(?:\.[\w-]+)*)")
 
@@ -48,15 +49,21 @@ def values_of(override: str) -> list[str]:
 def _form(given: str, sweep: bool) -> str:
     name, equals, value = given.partition("=")
     if re.match(r"[+~]*hydra[./]", name) and name not in PLACES and not is_text(name):
-        if _parsed(given) is None:
+        parsed = _parsed(given)
+        if parsed is None:
             raise InputError(f"{name}: expected a value that Hydra's grammar reads, got {value or given}")
+        if name == VERBOSE and not parsed.is_sweep_override() and not isinstance(parsed.value(), bool | list):
+            raise InputError(f"{name}: expected true, false or a list of loggers, like [hydra], got {value}")
         return given
     match = KEY.fullmatch(name)
     if not match or not equals:
         raise InputError(f"expected key=value, without ~ or @ and without blanks around =, got {given}")
     key = match[2]
     sign = "+" if key == "path" else "++" if is_named_values(key) else ""
-    return f"{sign}{key}={_text(key, value, sweep) if is_text(key) else _value(key, value, sweep)}"
+    if is_list_of_texts(key):
+        value = _list(key, value, sweep)
+    as_text = is_text(key) and key not in CHOICES
+    return f"{sign}{key}={_text(key, value, sweep) if as_text else _value(key, value, sweep)}"
 
 
 def _value(key: str, value: str, sweep: bool) -> str:
@@ -71,12 +78,24 @@ def _value(key: str, value: str, sweep: bool) -> str:
     return value
 
 
+def _list(key: str, value: str, sweep: bool) -> str:
+    """Texts between commas as a list whose entries are quoted, where the grammar would read something else."""
+    parsed, bare = _parsed(f"{key}={value}"), value.strip()
+    if parsed is not None and (sweep or not parsed.is_sweep_override()):
+        return value
+    if re.fullmatch(r"\[(\[[^\[\]]*\]|[^\[\]])*\]", bare):
+        bare = bare[1:-1]
+    elif "," not in bare:
+        return value
+    return f"[{','.join(QuotedString(part.strip(), Quote.single).with_quotes() for part in bare.split(','))}]"
+
+
 def _text(key: str, value: str, sweep: bool) -> str:
     place = key in PLACES
     if place and not value.strip():
         raise InputError(f"{key}: expected a name, got nothing")
     if place and Path(_expanded(value)).exists():
-        return _quoted(key, _expanded(value))
+        return _quoted(key, _expanded(value).replace("${", "\\${"))
     parsed = _parsed(f"{key}={value}")
     read: Any = None if parsed is None or parsed.is_sweep_override() else parsed.value()
     if isinstance(read, str) and read == value.strip() != value:

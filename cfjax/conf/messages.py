@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydra.errors import MissingConfigException
-from omegaconf import DictConfig
+from omegaconf import DictConfig, Node
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, InterpolationResolutionError, OmegaConfBaseException
 
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config
@@ -16,6 +16,10 @@ from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config
 GROUPS: dict[str, Mapping[str, type]] = {"path": PATH_KINDS, "vehicle": VEHICLE_KINDS}  # whose class a preset chooses
 PLACES = ("path.file", "hydra.run.dir", "hydra.sweep.dir")
 TEXTS = ("hydra.run.dir", "hydra.sweep.dir", "hydra.sweep.subdir", "hydra.job.name")  # of Hydra's own keys
+CHOICES = (  # texts that are one of a few names: commas part them
+    *("method", "template", "certificate", "learner", "solver", "logger", "objective.kind", "wandb.mode"),
+    *("polytope.centre", "polytope.demonstrations"),
+)
 WORDS: dict[Any, str] = {
     bool: "true or false",
     int: "a whole number",
@@ -63,6 +67,8 @@ def expected_at(key: str, owner: Any = None) -> str | None:
     """
     if key in TEXTS:
         return WORDS[str]
+    if key in CHOICES:
+        return "a name"
     declared = _declared(key)
     own = [each for each in declared if each[0] is owner] or declared
     return _words(key, *own[0][1:]) if own else None
@@ -74,6 +80,11 @@ def is_text(key: str) -> bool:
     return key in TEXTS or (bool(hints) and all(set(_members(hint)) <= {str, type(None)} for hint in hints))
 
 
+def is_list_of_texts(key: str) -> bool:
+    """Whether the value at a key is a list of texts."""
+    return any(list[str] in _members(hint) for *_, hint in _declared(key))
+
+
 def is_named_values(key: str) -> bool:
     """Whether the key is one of values under names of the user's own, or a name in them: vehicle.parameters.mass."""
     head = ".".join(key.split(".")[:2])
@@ -83,7 +94,9 @@ def is_named_values(key: str) -> bool:
 def _about_a_key(error: OmegaConfBaseException, override: str) -> str:
     key = str(error.full_key)
     if isinstance(error, InterpolationResolutionError):
-        return f"{key}: expected ${{...}} to name what there is ({str(error.msg).splitlines()[0]})"
+        node = error.parent_node._get_node(error.key) if isinstance(error.parent_node, DictConfig) else None
+        got = override.partition("=")[2] or (str(node._value()) if isinstance(node, Node) else "")
+        return f"{key}: expected ${{...}} to name what there is{f', got {got}' if got else ''}"
     if isinstance(error, ConfigKeyError | ConfigAttributeError) and isinstance(error.parent_node, DictConfig):
         known = ", ".join(str(each) for each in error.parent_node if each != "hydra")
         above = key.rpartition(".")[0]

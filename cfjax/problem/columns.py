@@ -19,6 +19,7 @@ from cfjax.errors import InputError
 FASTEST = 120.0  # m/s: no car is faster
 WINDS = 1e-3  # spread of directions about their mean, 1 − |mean of e^{iψ}|: below, a way is straight
 FOLLOWS = 0.1  # of that spread is left between the way and a column that is its heading
+BENDS = 0.2  # relative, of half of the points: so near a column is the curvature of the way
 SAME = 0.02  # quarters of a turn between a straight way's direction, or an axis from it, and a column that says it
 ASK = "name the columns in a header, or by path.columns=[x,y,speed]"
 
@@ -79,6 +80,7 @@ class Meaning(NamedTuple):
     unused: tuple[str, ...]
     units: bool  # whether x and y say theirs
     speed_unit: bool  # whether the speed does, if there is one
+    named: bool = True
 
 
 class _Name(NamedTuple):
@@ -136,11 +138,12 @@ def meaning_by_place(table: Float[np.ndarray, "n columns"], plain: bool) -> Mean
     if table.shape[1] not in (2, 3):
         raise InputError(f"expected columns x, y or x, y, speed, or names, got {table.shape[1]} without names; {ASK}")
     if table.shape[1] == 2:
-        return Meaning((0, 1, None), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)"), (), False, True)
+        return Meaning((0, 1, None), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)"), (), False, True, False)
     place, third = table[:, 0] + 1j * table[:, 1], table[:, 2]
     if problem := _no_speed(place, third) or _counted(table, plain):
         raise InputError(f"{problem}; {ASK}, with another name for what is none of these")
-    return Meaning((0, 1, 2), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)", "3 (speed, m/s)"), (), False, False)
+    third = "3 (taken for a speed in m/s: path.columns=[x,y,_] where it is none)"
+    return Meaning((0, 1, 2), (1.0, 1.0, 1.0), ("1 (x)", "2 (y)", third), (), False, False, False)
 
 
 def too_fast(name: str, fastest: float) -> str | None:
@@ -188,7 +191,7 @@ def _parsed(name: str) -> _Name:
     bare, unit = text, None
     if bracket := re.search(r"\s*[\[({<]\s*(.*?)\s*[\])}>]\s*", text):
         bare = (text[: bracket.start()] + " " + text[bracket.end() :]).strip()
-        content = bracket.group(1)
+        content = re.sub(r"^in\s+", "", bracket.group(1), flags=re.IGNORECASE)  # x (in cm)
         if re.fullmatch(r"\d*", content) or content == "-":
             bare = text[: bracket.start()] + text[bracket.end() :]
         else:
@@ -312,6 +315,8 @@ def _no_speed(place: np.ndarray, third: np.ndarray) -> str | None:
         return f"{said}: a heading, a curvature or a height?"
     if _is_heading(place, third):
         return f"{said}, which turns with the path: a heading?"
+    if _is_curvature(place, third):
+        return f"{said}, as the path bends (1/m): its curvature?"
     return None
 
 
@@ -330,6 +335,18 @@ def _is_heading(place: np.ndarray, third: np.ndarray) -> bool:
         if (spread > WINDS and left < FOLLOWS * spread) or (left < WINDS and abs(quarters - round(quarters)) < SAME):
             return True
     return False
+
+
+def _is_curvature(place: np.ndarray, third: np.ndarray) -> bool:
+    """Whether the column is as large as the way's curvature, 1/m: that of the circle through neighbours."""
+    before, after = place[1:-1] - place[:-2], place[2:] - place[1:-1]
+    sides = np.abs(before) * np.abs(after) * np.abs(before + after)
+    if not (sides > 0).any():
+        return False
+    found = 2 * np.abs(np.imag(after * np.conj(before)))[sides > 0] / sides[sides > 0]
+    column = third[1:-1][sides > 0]
+    bent = column > 0
+    return bool(bent.sum() > 3 and np.median(np.abs(column - found)[bent] / column[bent]) <= BENDS)
 
 
 def _counted(table: np.ndarray, plain: bool) -> str | None:

@@ -16,6 +16,7 @@ from cfjax.errors import InputError
 
 
 PARALLEL = 1e-12  # relative area below which corners lie on a line
+FARTHEST = 1e8  # m from the origin, more than twice round the earth: beyond, squares of coordinates lose all digits
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Disc:
         x, y, radius = numbers("sets.obstacles", given := [x, y, radius], expected)
         if radius <= 0:
             refuse("sets.obstacles", expected, given)
+        _near("sets.obstacles", (x, y, radius))
         keep(self, x=x, y=y, radius=radius)
 
     @property
@@ -63,6 +65,8 @@ class Polygon:
         if rows is None or len(rows) < 3:
             refuse("sets.obstacles", expected, corners)
         keep(self, corners=tuple(numbers("sets.obstacles", row, expected, count=2) for row in rows))
+        for corner in self.corners:
+            _near("sets.obstacles", corner)
         given = shapely.Polygon(self.corners)
         hull = given.convex_hull
         if not given.is_valid or given.area < (1 - PARALLEL) * hull.area or hull.area <= 0:
@@ -111,6 +115,12 @@ def _obstacle(entry: object) -> Obstacle:
     return refuse("sets.obstacles", "entries {disc: [x, y, radius]} or {polygon: [[x, y], ...]}", entry)
 
 
+def _near(name: str, given: Sequence[float]) -> None:
+    """Raises InputError for numbers with which no distance can be computed."""
+    if max(map(abs, given)) > FARTHEST:
+        refuse(name, f"numbers of at most {FARTHEST:g} m", given)
+
+
 def footprint_of(value: object) -> tuple[FootprintDisc, ...]:
     """The discs of a body, from a list of [radius, offset] in m.
 
@@ -127,6 +137,7 @@ def footprint_of(value: object) -> tuple[FootprintDisc, ...]:
     for disc in discs:
         if disc.radius < 0:
             refuse("vehicle.footprint", expected, disc)
+        _near("vehicle.footprint", disc)
     return discs
 
 
@@ -141,6 +152,7 @@ def distances(
     if not isinstance(obstacle, Disc | Polygon):
         refuse("obstacle", "a Disc or a Polygon, such as cfjax.problem.Disc(x, y, radius)", obstacle)
     points = array("points", points, (None, 2))
+    _near("points", points[np.abs(points).max(axis=1).argmax()].tolist())
     shape = shapely.Point(obstacle.corners[0]) if isinstance(obstacle, Disc) else shapely.Polygon(obstacle.corners)
     lines = shapely.shortest_line(shapely.points(points), shape)
     nearest = shapely.get_coordinates(lines)[1::2]

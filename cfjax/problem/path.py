@@ -183,6 +183,7 @@ class Path:
         name: for messages and files.
         segments: in the order in which they are driven; each begins at the pose where the one before ends.
         source: how the points that it was made of were taken, in one line.
+        doubt: why they may be in another unit, in one line; empty where nothing speaks for it.
 
     Raises:
         InputError: for what are no segments, and for none.
@@ -191,13 +192,15 @@ class Path:
     name: str
     segments: tuple[Segment | Tube, ...]
     source: str = field(compare=False)
+    doubt: str = field(compare=False)
 
-    def __init__(self, name: str, segments: Sequence[Segment | Tube], source: str = "") -> None:
+    def __init__(self, name: str, segments: Sequence[Segment | Tube], source: str = "", doubt: str = "") -> None:
         keep(
             self,
             name=text("name of a path", name),
             segments=instances("segments of a path", segments, Segment, Tube),
             source=text("source of a path", source),
+            doubt=text("doubt about a path", doubt),
         )
         if not self.segments:
             raise InputError(f"path {self.name}: expected at least one segment, got none")

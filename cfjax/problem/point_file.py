@@ -32,9 +32,10 @@ class Line(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Rows of cells, and the lines before them, in which their names may stand."""
+    """Rows of cells, the lines before them, in which their names may stand, and comments anywhere."""
 
     before: list[Line]
+    comments: list[Line]  # below the first row, or behind cells
     numbers: list[int]  # (n,) of lines in the file
     rows: list[list[str]]  # (n,) of cells
     separator: str
@@ -100,8 +101,9 @@ def _table(file: File, lines: list[Line], separators: Sequence[str]) -> Table:
     cells = [_cells(line.text, separator) for line in rows]
     first = next(i for i, row in enumerate(cells) if _numbers(row, decimal) >= 2)
     before = [line for line in lines if line.number < rows[first].number]
+    comments = [line for line in lines if line.comment and line.number >= rows[first].number]
     kept = [(line.number, row) for line, row in zip(rows[first:], cells[first:], strict=True) if row]
-    return Table(before, [number for number, _ in kept], [row for _, row in kept], separator, decimal)
+    return Table(before, comments, [number for number, _ in kept], [row for _, row in kept], separator, decimal)
 
 
 def _count_numbers(rows: list[Line], separator: str, decimal: str) -> tuple[int, float]:
@@ -135,6 +137,7 @@ def _lines(text: str) -> list[Line]:
         if comment:
             bare = bare.lstrip("#%/").strip(" ")  # not a tab, behind which an empty name may be the first
         elif (mark := re.search(r"\s#", line)) is not None:  # a comment behind the cells
+            result.append(Line(index, line[mark.end() :].strip("# "), True))
             line = line[: mark.start()]
         if bare.strip(',;|\t "'):
             result.append(Line(index, bare if comment else line, comment))
@@ -148,8 +151,11 @@ def _text(file: File) -> str:
         data = file.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{file}: expected a CSV file of waypoints, there is no such file") from None
+    except IsADirectoryError:
+        raise InputError(f"{file}: expected a CSV file of waypoints, got a folder") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{file}: expected a CSV file of waypoints, it cannot be read ({error})") from None
+        reason = error.strerror if isinstance(error, OSError) else "a file's name has no zero bytes"
+        raise InputError(f"{file}: expected a CSV file of waypoints, it cannot be read ({reason})") from None
     for mark, kind in _MARKS.items():
         if data.startswith(mark):
             raise InputError(f"{file}: expected a CSV file of waypoints, got {kind}: save it as CSV")

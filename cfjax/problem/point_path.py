@@ -49,12 +49,18 @@ BACK = 2.2  # rad: the way turns back where it turns by more at a point, and ove
 MOST_SMOOTHED = 20_000  # points for which a smoothing is looked for
 SETTLED = 0.7  # a smoothing that takes more than the rest of the largest curvature away has still noise to take
 LARGEST_STEP = 200.0  # wheelbases between neighbours, in a file of many points without units
+LARGE_STEP, LARGE_RADIUS = 30.0, 60.0  # wheelbases between neighbours, in the tightest bend: from here on it is said
+SHORT = 5.0  # wheelbases: a path in all that the car cannot follow may be in another unit
+ROUND = 0.1  # of the points' distance from their middle: a larger smoothing takes away the path, not its noise
+MANY = 20  # points whose distances say something
+RESERVE = 0.2  # where the caller says nothing
 GRID = 4096  # cells of the speed profile, at least
 CELL = 0.05  # m, at most, for that car
 SMOOTHING_TIME = 0.25  # s: over so much at top speed, either way, acceleration is smoothed
 THRUST_HEADROOM = 0.02  # relative: for what the polynomials miss, so that the whole need not be slower
 BEND_HEADROOM = 5e-3
 ROUNDING = 1e-12
+ALIKE = 1e-9  # relative: bends that differ by less are equally tight
 LEAST_CHANGE = 1e-6  # relative: a speed that varies by less is constant
 
 
@@ -92,7 +98,7 @@ def waypoints(
     least_speed: Number | None = None,
     lateral_acceleration: Number = 4.0,
     acceleration: Number | None = 1.0,
-    reserve: Number = 0.2,
+    reserve: Number = RESERVE,
     vehicle: Vehicle = KinematicBicycle(),
     segment_length: Number | None = None,
     smoothing: Number = 0.0,
@@ -107,7 +113,7 @@ def waypoints(
     In memory they are rows x, y or x, y, speed (an array, a list), complex numbers x + iy, or columns by name (a
     mapping, a data frame).
 
-    How everything was taken stands in one line in the path's `source`.
+    How everything was taken stands in one line in the path's `source`, and in `doubt` why another unit may be meant.
 
     Args:
         file: the file's name, or the points.
@@ -119,7 +125,7 @@ def waypoints(
         lateral_acceleration: largest |κ| v², m/s².
         acceleration: largest |dv/dt|, m/s², beside what thrust allows; None: thrust alone. The package's tubes hold 1
             m/s² at all speeds and 2 m/s² from 3 m/s on.
-        reserve: the part of steering and of thrust that is left to feedback, in [0, 1).
+        reserve: the part of steering and of thrust that is left to feedback, in [0, 1); not of a vehicle of one's own.
         vehicle: what drives; of one of your own nothing is known here but `lateral_acceleration` and `acceleration`,
             and `Problem` says where its inputs do not do it.
         segment_length: m; the path is cut into segments of equal length, as near to this as can be. None: 10 m for a
@@ -144,6 +150,11 @@ def waypoints(
 
     course = course_of(_moving(read_points(file, columns), least_speed), closed)
     car = vehicle if isinstance(vehicle, KinematicBicycle) else None
+    if car is None and reserve != RESERVE:
+        raise InputError(
+            f"path.reserve: expected none for a {vehicle.name}, of whose steering and thrust nothing is known here "
+            f"(path.lateral_acceleration and path.acceleration are its limits), got {reserve:g}"
+        )
     thrust = math.inf if car is None else (1 - reserve) * car.max_thrust
     if acceleration is not None:
         thrust = min(thrust, acceleration)
@@ -151,11 +162,13 @@ def waypoints(
         raise InputError(f"path.acceleration: expected a number, as the thrust of a {vehicle.name} is not known")
     limits = _Limits(speed, lateral_acceleration, thrust, reserve, car)
     _check_size(course.points, car)
+    _check_smoothing(course.points, smoothing)
     try:
         return _path(course, limits, segment_length, smoothing)
     except _Rough as rough:
         _check_back(course)
-        raise InputError(f"{rough}{_way_out(course, limits, segment_length, smoothing)}") from None
+        way_out = _way_out(course, limits, segment_length, smoothing)
+        raise InputError(f"{rough}{way_out or _short(course, car)}") from None
 
 
 def _path(course: Course, limits: _Limits, segment_length: float | None, smoothing: float) -> Path:
@@ -177,7 +190,7 @@ def _path(course: Course, limits: _Limits, segment_length: float | None, smoothi
     except InputError as error:
         raise _Rough(f"{points.source}: {error}") from None
     path = _slowed(path, cap, limits.lateral, limits.thrust)
-    return replace(path, source=_account(course, path, curve, limits, smoothing))
+    return replace(path, source=_account(course, path, curve, limits, smoothing), doubt=_large(course, curve, limits))
 
 
 # --- what is said of the points
@@ -231,6 +244,7 @@ def _moving(points: Points, least: float | None) -> Points:
         raise InputError(
             f"{points.at(first)}: expected a positive speed, got 0, where a car cannot be steered; "
             f"path.least_speed={min(1.0, _nice(most / 2)):g} drives no slower than that (m/s)"
+            + ("" if points.meaning.named else "; where the third column is no speed, path.columns=[x,y,_]")
         )
     return points
 
@@ -241,7 +255,7 @@ def _check_size(points: Points, car: KinematicBicycle | None) -> None:
         return
     steps = np.abs(np.diff(points.place))
     typical, length = float(np.median(steps)), float(steps.sum())
-    large = typical > LARGEST_STEP * car.wheelbase and len(steps) >= 20
+    large = typical > LARGEST_STEP * car.wheelbase and len(steps) >= MANY
     if large or length < car.wheelbase:
         got = f"{typical:.4g} m between points" if large else f"{length:.4g} m in all"
         unit = "mm" if large else "km"
@@ -249,6 +263,49 @@ def _check_size(points: Points, car: KinematicBicycle | None) -> None:
             f"{points.source}: expected points in m that suit a wheelbase of {car.wheelbase:g} m, got {got}: say their "
             f"unit, as in x_{unit},y_{unit} or x_m,y_m, in the header or by path.columns=[x_{unit},y_{unit}]"
         )
+
+
+def _check_smoothing(points: Points, smoothing: float) -> None:
+    """Raises InputError where so much smoothing leaves nothing of the path."""
+    size = float(np.sqrt(np.mean(np.abs(points.place - points.place.mean()) ** 2)))
+    if smoothing > ROUND * size:
+        raise InputError(
+            f"path.smoothing: expected at most {ROUND * size:.3g} m for points that lie {size:.3g} m around their "
+            f"middle, got {smoothing:g}: more takes away the path, not its noise"
+        )
+
+
+def _large(course: Course, curve: Curve, limits: _Limits) -> str:
+    """Why the points may be in a smaller unit than m, where nobody said it; empty where nothing speaks for it."""
+    car, points = limits.car, course.points
+    if car is None or points.meaning.units:
+        return ""
+    steps = np.abs(np.diff(points.place)) / car.wheelbase
+    u = _samples(curve)
+    headings = np.unwrap(np.angle(curve.first(u)))
+    radius = 1 / max(float(np.abs(curve.curvature(u)).max()), 1e-300) / car.wheelbase
+    found = []
+    if np.ptp(headings) > math.pi / 2 and radius > LARGE_RADIUS:
+        found.append(f"its tightest bend has a radius of {radius:.3g}")
+    if len(steps) >= MANY and np.median(steps) > LARGE_STEP:
+        found.append(f"its points are {np.median(steps):.3g} apart")
+    if not found:
+        return ""
+    return (
+        f"{points.source}: {metres(curve.length)} are {curve.length / car.wheelbase:.3g} wheelbases ({car.wheelbase:g} "
+        f"m), {' and '.join(found)}: where the points are not in m, say their unit, as x_cm,y_cm, in the header or by "
+        "'path.columns=[x_cm,y_cm]'; x_m,y_m where they are"
+    )
+
+
+def _short(course: Course, car: KinematicBicycle | None) -> str:
+    """For the message about a path that the car cannot follow: that it may be in a larger unit than m."""
+    if car is None or course.points.meaning.units:
+        return ""
+    length = float(np.abs(np.diff(course.points.place)).sum())
+    if length > SHORT * car.wheelbase:
+        return ""
+    return f"; {metres(length)} in all are {length / car.wheelbase:.3g} wheelbases: are the points in m?"
 
 
 def _check_back(course: Course) -> None:
@@ -404,7 +461,7 @@ def _check_bends(course: Course, curve: Curve, limits: _Limits) -> None:
         kappa = np.nan_to_num(np.abs(curve.curvature(u)), nan=math.inf)
     turns = np.abs(np.angle(first[1:] * np.conj(first[:-1])))
     kappa[:-1][turns > SHARPEST] = math.inf
-    worst = int(kappa.argmax())
+    worst = int((kappa >= (1 - ALIKE) * kappa.max()).argmax())  # the first of those that differ by rounding alone
     if kappa[worst] <= limits.bend and math.isfinite(kappa[worst]):
         return
     place = curve.position(u)

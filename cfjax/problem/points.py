@@ -77,6 +77,8 @@ def read_points(source: Source, columns: Sequence[str] | None = None) -> Points:
     if columns is not None and not (listed and all(isinstance(name, str) for name in columns)):
         raise InputError(f"path.columns: expected a list of names, as [x,y,speed], got {shown(columns)}")
     if isinstance(source, str | PathLike):
+        if not str(source).strip():
+            raise InputError("points: expected the name of a file, got an empty text")
         return _of_file(File(source), columns)
     return _of_memory(source, columns)
 
@@ -179,8 +181,8 @@ def _unnamed(file: File, table: Table) -> Meaning:
 
 
 def _look_for_units(table: Table, meaning: Meaning, header: Line | None = None) -> None:
-    """Raises InputError where a comment beside the header speaks of a unit that the columns do not have."""
-    for line in table.before:
+    """Raises InputError where another line than the header speaks of a unit that the columns do not have."""
+    for line in (*table.before, *table.comments):
         if line is header:
             continue
         if not meaning.speed_unit and (unit := speed_unit_in(line.text)):

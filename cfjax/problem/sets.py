@@ -12,6 +12,7 @@ from jaxtyping import Float
 from cfjax.coerce import Number, Numbers, keep, listed, number, numbers, real, refuse, whole
 
 
+NO_LIMIT = 100  # of a position in m, or a speed in m/s: to be written where S has no limit
 MOST_STATES = 100  # of a ball: far more than any proof takes
 
 
@@ -62,6 +63,9 @@ def ellipsoid(name: str, value: object, states: Sequence[str]) -> Ellipsoid:
 
 def box(name: str, value: object, states: Sequence[str]) -> Box:
     """Likewise a box, by its half-widths."""
+    given = listed(value)
+    if given is not None and None in given:
+        refuse(name, f"{len(states)} numbers, a large one, such as {NO_LIMIT}, where there is no limit", value)
     return Box(_per_state(name, value.half_widths if isinstance(value, Box) else value, states))
 
 

@@ -22,8 +22,9 @@ from cfjax.errors import InputError
 
 
 SHORTEST_WHEELBASE, LONGEST_WHEELBASE = 0.005, 25.0  # m: beyond, a number is in mm or cm
-MOST_TAN_STEERING = 10.0  # an angle of 84.3 degrees: beyond, a number is an angle in degrees
-MOST_THRUST = 100.0  # m/s², ten times gravity: beyond, a number is a force
+LONG_WHEELBASE = 10.0  # m: beyond, there are no cars, but long lorries
+MOST_STEERING, LARGE_STEERING = 70.0, 50.0  # degrees: beyond, no wheel turns, and few do
+MOST_THRUST, LARGE_THRUST = 100.0, 30.0  # m/s², ten times gravity and three: beyond, a number is a force
 
 Scalar = Any  # a float, a traced JAX scalar or any other number: the definition does not care
 
@@ -145,7 +146,8 @@ class KinematicBicycle(Vehicle):
         max_thrust: the largest |T|, m/s².
 
     Raises:
-        InputError: for numbers that are not positive, or that only another unit explains.
+        InputError: for numbers that are not positive, or that only another unit explains. What another unit explains
+            better is named where something is searched for (`cfjax.search`).
     """
 
     wheelbase: float = 0.34  # m
@@ -165,19 +167,31 @@ class KinematicBicycle(Vehicle):
         if not SHORTEST_WHEELBASE <= length <= LONGEST_WHEELBASE:
             raise InputError(
                 f"vehicle.wheelbase: expected m, from {SHORTEST_WHEELBASE:g} to {LONGEST_WHEELBASE:g}, got {length:g}"
-                + (f"; {length:g} mm are {length / 1000:g} m" if length > LONGEST_WHEELBASE else "")
+                + _shorter(length)
             )
-        if steering > MOST_TAN_STEERING:
-            told = f"; {steering:g} degrees have the tangent {math.tan(math.radians(steering)):.4g}"
+        if steering > (most := math.tan(math.radians(MOST_STEERING))):
             raise InputError(
-                "vehicle.max_tan_steering: expected the tangent of the largest steering angle, at most "
-                f"{MOST_TAN_STEERING:g}, got {steering:g}{told if steering < 90 else ''}"
+                f"vehicle.max_tan_steering: expected the tangent of the largest steering angle, at most {most:.3g} "
+                f"({MOST_STEERING:g} degrees), got {_steering(steering)}"
             )
         if thrust > MOST_THRUST:
             raise InputError(
                 f"vehicle.max_thrust: expected m/s², at most {MOST_THRUST:g}, got {thrust:g}: no force in N"
             )
         keep(self, **found)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Numbers that another unit explains better, a line each."""
+        length, steering, thrust = self.wheelbase, self.max_tan_steering, self.max_thrust
+        lines = []
+        if length > LONG_WHEELBASE:
+            lines.append(f"vehicle.wheelbase: {length:g} m are more than cars have{_shorter(length)}")
+        if steering > math.tan(math.radians(LARGE_STEERING)):
+            lines.append(f"vehicle.max_tan_steering: more than cars have, {_steering(steering)}")
+        if thrust > LARGE_THRUST:
+            lines.append(f"vehicle.max_thrust: {thrust:g} m/s² are more than cars have; is it a force in N?")
+        return lines
 
     @property
     def input_box(self) -> tuple[Interval, ...]:
@@ -207,3 +221,19 @@ class KinematicBicycle(Vehicle):
     @property
     def brakes(self) -> tuple[tuple[str, str], ...]:
         return (("thrust", "v"),)
+
+
+def _shorter(length: float) -> str:
+    """A length in m as it would be in smaller units, for messages about those that are too large."""
+    if length <= LONG_WHEELBASE:
+        return ""
+    unit, metres = ("mm", 1e-3) if length >= 100 else ("cm", 1e-2)
+    return f"; {length:g} {unit} are {length * metres:g} m"
+
+
+def _steering(tangent: float) -> str:
+    """The tangent of a steering angle with its angle, and what it would be if it were an angle, for messages."""
+    told = f"{tangent:g}, an angle of {math.degrees(math.atan(tangent)):.3g} degrees"
+    if tangent < 90:
+        told += f"; {tangent:g} degrees have the tangent {math.tan(math.radians(tangent)):.4g}"
+    return told

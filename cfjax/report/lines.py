@@ -1,4 +1,8 @@
-"""Tables of experiments: a list of dataclass objects as CSV and as Markdown."""
+"""Tables of experiments: a list of dataclass objects as CSV and as Markdown.
+
+A field whose figures are proven says so: `certified: float | None = field(metadata=AT_LEAST)` is rounded down,
+`half_width: float = field(metadata=AT_MOST)` up, so that no table claims more than what is proven.
+"""
 
 import csv
 import dataclasses
@@ -9,18 +13,24 @@ from pathlib import Path
 from typing import Any
 
 from cfjax.report.files import write_whole
+from cfjax.report.rounded import NOTHING, margin_text, rounded_up
+
+
+AT_LEAST = {"text": margin_text}  # margins, and what is absorbed
+AT_MOST = {"text": rounded_up}  # half-widths of a funnel
 
 
 def markdown(lines: Sequence[Any], without: Sequence[str] = ("seconds",)) -> str:
     """One column per field, four digits; fields in `without` (those that no two runs share) are left out."""
 
-    def cell(value: object) -> str:
-        nothing = value is None or (isinstance(value, float) and math.isnan(value))
-        return "–" if nothing else f"{value:.4g}" if isinstance(value, float) else str(value)
+    def cell(value: object, field: dataclasses.Field[Any]) -> str:
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return NOTHING
+        return field.metadata.get("text", "{:.4g}".format)(value) if isinstance(value, float) else str(value)
 
-    names = [field.name for field in dataclasses.fields(lines[0]) if field.name not in without] if lines else []
-    rows = [" | ".join(cell(getattr(line, name)) for name in names) for line in lines]
-    head = [" | ".join(name.replace("_", " ") for name in names), " | ".join("---" for _ in names)]
+    fields = [field for field in dataclasses.fields(lines[0]) if field.name not in without] if lines else []
+    rows = [" | ".join(cell(getattr(line, field.name), field) for field in fields) for line in lines]
+    head = [" | ".join(field.name.replace("_", " ") for field in fields), " | ".join("---" for _ in fields)]
     return "\n".join(f"| {row} |" for row in [*head, *rows]) + "\n"
 
 

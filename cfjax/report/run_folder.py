@@ -329,6 +329,7 @@ def result_json(result: Result) -> dict[str, Any]:
         "message": result.message,
         "method": problem.method.value,
         "path": problem.path.name,
+        "source": problem.path.source or None,
         "closed": problem.path.closed,
         "template": result.segments[0].funnel.template.name if result.segments else None,
         "margin": {"certified": _number(result.margin_certified), "falsified": _number(result.margin_falsified)},
@@ -525,7 +526,8 @@ def read_run(folder: Path, vehicle: str | None = None) -> Result:
     try:
         loop = data["closed_loop"]
         # objective=inlet enlarges the I of the configuration
-        problem = dataclasses.replace(problem, inlet=Ellipsoid(tuple(data["sets"]["inlet"])))
+        path = dataclasses.replace(problem.path, source=data.get("source") or "")  # not of the folder's own copy
+        problem = dataclasses.replace(problem, path=path, inlet=Ellipsoid(tuple(data["sets"]["inlet"])))
         return Result(
             verdict=Verdict(data["verdict"]),
             message=data["message"],

@@ -46,10 +46,10 @@ class Loop(NamedTuple):
     """
 
     numbers: LawNumbers  # of the law, which is given beside it
-    begin: Array  # θ from which the funnel counts its own, s
-    end: Array  # θ up to which the loop is driven, s; inf where there is no end
-    safe: Array  # half-widths of S, inf where there is none
-    step: Array  # s of the clock
+    begin: Array | np.ndarray  # θ from which the funnel counts its own, s
+    end: Array | np.ndarray  # θ up to which the loop is driven, s; inf where there is no end
+    safe: Array | np.ndarray  # half-widths of S, inf where there is none
+    step: Array | np.ndarray  # s of the clock
 
 
 # what the deviation is measured from at θ, and what the law is told
@@ -74,7 +74,7 @@ def _sampled(key: Array, axes: Float[Array, " n"], count: int) -> Float[Array, "
 def loop_of(problem: Problem, numbers: LawNumbers, step: float, begin: float = 0.0, end: float = np.inf) -> Loop:
     """The loop of one law from θ = begin to end (s), in steps of `step` (s, unless the caller scales them)."""
     safe = problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension
-    return Loop(numbers, *map(np.float64, (begin, end)), np.array(safe), np.float64(step))
+    return Loop(numbers, np.asarray(begin, float), np.asarray(end, float), np.array(safe), np.asarray(step, float))
 
 
 def fastest(problem: Problem, funnel: Funnel, points: Float[np.ndarray, "k 4"]) -> Float[np.ndarray, " k"]:

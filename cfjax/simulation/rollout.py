@@ -51,8 +51,8 @@ class Legs(NamedTuple):
     """The legs, cut where the path jumps, as arrays: every leaf has a leading axis of legs."""
 
     loop: Loop
-    first: Array  # of the path's pieces
-    last: Array
+    first: Array | np.ndarray  # of the path's pieces
+    last: Array | np.ndarray
 
     def of(self, leg: Array) -> "Legs":
         """What each car needs in its leg, cars on the last axis; the same for all where there is but one leg."""

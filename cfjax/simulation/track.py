@@ -73,7 +73,7 @@ class Track(eqx.Module):
 
     def gradient(self, place: Place, x: Float[Array, " n"]) -> Float[Array, " n"]:
         """∂V/∂x, but for a factor that is positive."""
-        return place.numbers.shape @ x
+        return jnp.asarray(place.numbers.shape) @ x
 
 
 def track_of(problem: Problem, legs: Sequence[Leg], laps: int = 1) -> Track:

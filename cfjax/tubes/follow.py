@@ -40,6 +40,10 @@ SHOWN_DIGITS = 6
 CHANGE_COST = 1e-9  # relative to the whole path: of two chains equally wide the one with fewer links
 
 
+class Outside(ValueError):
+    """A path that leaves every tube."""
+
+
 class Stretch(NamedTuple):
     """A part of one segment, θ from start to end (s), and the tube that holds there."""
 
@@ -188,6 +192,12 @@ def follow(
         return _follow(path, chosen, closed)
     except InputError:
         raise
+    except Outside as error:
+        own = "" if vehicle is None else ", vehicle=vehicle"
+        more = (
+            f"; cfjax.synthesize(cfjax.Problem(path{own})) looks for a proof of the path's own" if tubes is None else ""
+        )
+        raise InputError(f"path {path.name}: {error}{more}") from None
     except (ValueError, OverflowError) as error:  # of the exact statements, which know no other rooms
         raise InputError(f"path {path.name}: {error}") from None
 
@@ -203,7 +213,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
     holds = np.array([inside[tube.curvature, tube.speed, tube.acceleration] for tube in tubes])
     outside = np.flatnonzero(~holds.any(axis=0))
     if outside.size:
-        raise ValueError(furthest_out([pieces[index] for index in outside], tubes))
+        raise Outside(furthest_out([pieces[index] for index in outside], tubes))
     gap = _gap(reference) if closed else None
     chain = _choose(reference, tubes, holds, gap)
     runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]

@@ -79,21 +79,55 @@ def _extremes(piece: Piece, quantity: str) -> list[fmpq]:
 
 
 def furthest_out(pieces: Sequence[Piece], tubes: Sequence[CertifiedTube]) -> str:
-    """Where pieces that no tube holds are furthest from the tube that is nearest to them."""
-    found: list[tuple[float, str]] = []
+    """Where pieces that no tube holds are furthest from the tube that is nearest to them, and what tubes hold there."""
+    found: list[_Out] = []
     for piece in pieces:
-        nearest = []
-        for tube in tubes:
-            relative = [
-                (float(v.excess / max(abs(v.bound), upper - lower, v.excess)), f"{v}, where tube {tube.name} ends")
-                for v in violations(piece, tube)
-                for lower, upper in [getattr(tube, v.quantity)]
-                if v.excess
-            ]
-            nearest += [max(relative, key=_excess)] if relative else []
-        found += [min(nearest, key=_excess)] if nearest else []
-    return max(found, key=_excess)[1] if found else "no tube holds along it"
+        out = ((tube, [v for v in violations(piece, tube) if v.excess]) for tube in tubes)
+        nearest = [
+            _Out(
+                max(map(_relative, beyond)),
+                sum(map(_relative, beyond), fmpq(0)),
+                max(beyond, key=_relative),
+                tube,
+                piece,
+            )
+            for tube, beyond in out
+            if beyond
+        ]
+        found += [min(nearest, key=_distance)] if nearest else []
+    if not found:
+        return "no tube holds along it"
+    *_, violation, tube, piece = max(found, key=_distance)
+    held = _held(piece, violation.quantity, tubes)
+    return f"{violation}, where tube {tube.name} ends" + (f"; {held}" if held else "")
 
 
-def _excess(entry: tuple[float, str]) -> float:
-    return entry[0]
+class _Out(NamedTuple):
+    """How far a piece is out of a tube: by the quantity that is out by most, and by all of them together."""
+
+    most: fmpq
+    together: fmpq
+    violation: Violation
+    tube: CertifiedTube
+    piece: Piece
+
+
+def _relative(violation: Violation) -> fmpq:
+    return violation.excess / max(abs(violation.value), abs(violation.bound))
+
+
+def _distance(out: _Out) -> tuple[fmpq, fmpq]:
+    return out.most, out.together
+
+
+def _held(piece: Piece, quantity: str, tubes: Sequence[CertifiedTube]) -> str:
+    """What the quantity may be where nothing else of the piece has to change, in words; empty where that is nothing."""
+    alone = [tube for tube in tubes if {v.quantity for v in violations(piece, tube)} == {quantity}]
+    joined: list[list[fmpq]] = []
+    for lower, upper in sorted(getattr(tube, quantity) for tube in alone):
+        if joined and lower <= joined[-1][1]:
+            joined[-1][1] = max(joined[-1][1], upper)
+        else:
+            joined.append([lower, upper])
+    ranges = " or ".join(f"from {float(lower):.6g} to {float(upper):.6g}" for lower, upper in joined)
+    return f"tubes hold it there with a {quantity} {ranges} {UNITS[quantity]}" if joined else ""

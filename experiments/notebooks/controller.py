@@ -32,6 +32,7 @@ from matplotlib.figure import Figure
 import cfjax
 from cfjax.export import write_controller
 from cfjax.export.compiled import OK, OUTSIDE, PAST_END, Controller, compile_controller
+from cfjax.report.rounded import margin_text
 from cfjax.report.style import CAR_COLOURS, EDGE_COLOUR, STYLE
 
 
@@ -53,7 +54,7 @@ laps = 1 if quick else 5
 problem = cfjax.Problem(cfjax.oval(speed=1.0), inlet=cfjax.ball(0.2), goal=cfjax.ball(0.5))
 result = cfjax.search(problem, cfjax.Options(certificate="tube"))
 assert result.verdict is cfjax.Verdict.CERTIFIED, result.message
-print(f"{result.verdict.value}, {result.margin_certified:.4g} 1/s")
+print(f"{result.verdict.value}, {margin_text(result.margin_certified)} 1/s")
 
 # %% [markdown]
 # ## Export and compile

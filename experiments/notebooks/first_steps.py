@@ -28,6 +28,7 @@ from matplotlib.figure import Figure
 import cfjax
 from cfjax.check import check_document
 from cfjax.report.plot import picture_of
+from cfjax.report.rounded import margin_text, rounded_up
 from cfjax.report.style import STYLE
 
 
@@ -69,8 +70,10 @@ for name, interval in zip(names, problem.inputs, strict=True):
 # %%
 result = cfjax.synthesize(problem, cfjax.Options(cars=cars))
 print(result.verdict.value)
-print(f"falsified: no point was found where V falls slower than {result.margin_falsified:.4g} 1/s")
-print(f"certified: it is proven that it can fall at {result.margin_certified:.4g} 1/s, everywhere on the shell")
+print(f"falsified: no point was found where V falls slower than {margin_text(result.margin_falsified)} 1/s")
+print(
+    f"certified: it is proven that it can fall at {margin_text(result.margin_certified)} 1/s, everywhere on the shell"
+)
 
 # %%
 display(picture_of(result))
@@ -89,7 +92,7 @@ print(np.array_str(found.funnel.shape, precision=3, suppress_small=True))
 print(f"k = {found.funnel.rate:.4g} 1/s")
 for theta in (0.0, found.funnel.duration):
     widths = zip(problem.vehicle.state_names, found.funnel.half_widths(theta), strict=True)
-    print(f"theta = {theta:.3g} s: " + ", ".join(f"{state} within {width:.3f}" for state, width in widths))
+    print(f"theta = {theta:.3g} s: " + ", ".join(f"{state} within {rounded_up(width, 3)}" for state, width in widths))
 
 # %% [markdown]
 # ## The proof

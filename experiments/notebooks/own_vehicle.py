@@ -34,6 +34,7 @@ import cfjax
 from cfjax.check import check_document
 from cfjax.problem import Interval, Twist, Vehicle
 from cfjax.report.plot import picture_of
+from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
 
 
@@ -135,7 +136,7 @@ display(figure)
 
 # %%
 result = cfjax.synthesize(problem, options)
-print(f"{result.verdict.value}: λ = {result.margin_certified:.4g} 1/s")
+print(f"{result.verdict.value}: λ = {margin_text(result.margin_certified)} 1/s")
 display(picture_of(result))
 assert result.verdict is cfjax.Verdict.CERTIFIED and result.closed_loop.left_funnel == 0
 
@@ -197,7 +198,8 @@ class Sensor(Robot):
 sensed = replace(problem, vehicle=Sensor())
 print(f"its body looks {np.degrees(sensed.side_slip):.2f}° away from the circle's tangent")
 found = cfjax.synthesize(sensed, replace(options, cars=0))
-print(f"{found.verdict.value}: λ = {found.margin_certified:.4g} 1/s, by its axle {result.margin_certified:.4g} 1/s")
+by_sensor, by_axle = margin_text(found.margin_certified), margin_text(result.margin_certified)
+print(f"{found.verdict.value}: λ = {by_sensor} 1/s, by its axle {by_axle} 1/s")
 display(picture_of(found))
 assert found.verdict is cfjax.Verdict.CERTIFIED
 

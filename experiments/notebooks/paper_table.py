@@ -27,6 +27,7 @@ import polars
 from IPython.display import display
 from matplotlib.figure import Figure
 
+from cfjax.report.rounded import margin_text
 from cfjax.report.style import CAR_COLOURS, STYLE
 from experiments.paper_table import cases, run
 
@@ -49,8 +50,9 @@ lines = [run(*case, "gradient", 500 if quick else 10_000, ["robustness=false"]) 
 
 # %%
 columns = ("row", "template", "method", "verdict", "falsified", "certified", "cars_lost", "paper")
-table = polars.DataFrame([{name: getattr(line, name) for name in columns} for line in lines])
-display(table)
+rows = [{name: getattr(line, name) for name in columns} for line in lines]
+shown = {name: [margin_text(row[name]) for row in rows] for name in ("falsified", "certified")}
+display(polars.DataFrame(rows).with_columns(**{name: polars.Series(texts) for name, texts in shown.items()}))
 
 # %%
 rows = list(dict.fromkeys((line.row, line.template) for line in lines))
@@ -76,6 +78,6 @@ margin = {(line.row, line.template, line.method): line.certified for line in lin
 for row, template in rows:
     pf, tt = (margin[row, template, method] for method in ("pf", "tt"))
     assert pf is not None, f"{row}, {template}: no funnel for path following"
-    print(f"{row}, {template} V: PF {pf:.4g}, TT {'nothing' if tt is None else f'{tt:.4g}'}")
+    print(f"{row}, {template} V: PF {margin_text(pf)}, TT {'nothing' if tt is None else margin_text(tt)}")
     assert tt is None or pf > tt
 assert all(line.cars_lost == 0 for line in lines if line.certified)

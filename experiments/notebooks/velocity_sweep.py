@@ -30,6 +30,7 @@ from IPython.display import display
 from matplotlib.figure import Figure
 
 import cfjax
+from cfjax.report.rounded import margin_text
 from cfjax.report.style import CAR_COLOURS, STYLE
 
 
@@ -57,7 +58,7 @@ for method in (cfjax.Method.PF, cfjax.Method.TT):
         result = cfjax.synthesize(problem, options)
         assert result.verdict is cfjax.Verdict.CERTIFIED, result.message
         margins[method, speed] = result.margin_certified
-        print(f"{method.value} at {speed / np.pi:4.3g}π m/s: {result.margin_certified:.4g} 1/s proven")
+        print(f"{method.value} at {speed / np.pi:4.3g}π m/s: {margin_text(result.margin_certified)} 1/s proven")
 
 # %%
 figure = Figure(figsize=(7.6, 2.9), layout="constrained")

@@ -128,9 +128,12 @@ WRONG = [
     ("vehicle.parameters={a:b:c", "vehicle.parameters: expected names with values, like {mass: 2}, got {a:b:c"),
     ("größe=3", "größe: no such key"),
     ("vehicle=3", "vehicle: expected the name of a preset, got 3"),
+    ("method=pf,tt", "method: expected a name, got pf,tt; with -m it is a sweep over its values"),
+    ("polytope.centre=mve,analytic", "polytope.centre: expected a name, got mve,analytic; with -m it is a sweep"),
     ("objective=margin,width", "objective: expected the name of a preset, got margin,width; with -m"),
     ("path.file=", "path.file: expected a name, got nothing"),
     ("hydra.run.dir=", "hydra.run.dir: expected a name, got nothing"),
+    ("hydra.verbose=maybe", "hydra.verbose: expected true, false or a list of loggers, like [hydra], got maybe"),
     ("hydra.verbose=[", "hydra.verbose: expected a value that Hydra's grammar reads, got ["),
     # composed
     ("path.radius=1.5m", "path.radius: expected a number, got 1.5m"),
@@ -138,7 +141,7 @@ WRONG = [
     ("path.radius=[1]", "path.radius: expected a number, got [1]"),
     ("path.radius={a:1}", "path.radius: expected a number, got {a:1}"),
     ("path.radius.x=3", "path.radius: expected a number, got path.radius.x=3"),
-    ("path.radius=${sets.nope}", "path.radius: expected ${...} to name what there is"),
+    ("path.radius=${sets.nope}", "path.radius: expected ${...} to name what there is, got ${sets.nope}"),
     ("sets=0.5", "sets: expected a value for one of its keys, like sets.inlet, got 0.5"),
     ("sets.inlet.x=3", "sets.inlet.x: no such key; sets.inlet: expected a number or a list of numbers, one a state"),
     ("sets.safe={alpha:1}", "sets.safe: expected a number or a list of numbers, one a state, or null, got {alpha:1}"),
@@ -169,13 +172,45 @@ def test_what_cannot_be_is_one_line(override: str, message: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("typed", "columns"),
+    [
+        ("x_cm,y_cm", ["x_cm", "y_cm"]),
+        ("x_cm, y_cm", ["x_cm", "y_cm"]),
+        ("[x_cm,y_cm,_]", ["x_cm", "y_cm", "_"]),
+        ("[x [cm],y [cm]]", ["x [cm]", "y [cm]"]),
+        ("x [cm],y (cm),it's", ["x [cm]", "y (cm)", "it's"]),
+        ("['x [cm]',\"y [cm]\"]", ["x [cm]", "y [cm]"]),
+    ],
+)
+def test_lists_of_texts_as_people_type_them(typed: str, columns: list[str]) -> None:
+    assert preset("waypoints", ["path.file=a.csv", f"path.columns={typed}"]).path.columns == columns
+
+
+def test_a_file_whose_name_has_a_dollar_sign(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
+    (tmp_path / "${x}.csv").write_text("0,0\n4,0\n")
+    assert train("+path=waypoints", "path.file=${x}.csv", "hydra.run.dir=run") == 1
+    assert (tmp_path / "run" / "waypoints.csv").exists()
+
+
+def test_flags_stand_wherever_one_types_them(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
+    for arguments in (
+        ["+path=circle", "method=pf,tt", "-m", "hydra.sweep.dir=all"],
+        ["+path=circle", "-m", "method=pf,tt", "hydra.sweep.dir=other"],
+    ):
+        assert train(*arguments) == 0
+        assert len(gather(tmp_path / arguments[-1].partition("=")[2])) == 2
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--config-dir=nope"], "--config-dir: expected a folder, got nope"),
         (["--config-name=nope"], "--config-name: expected the name of a configuration, got nope"),
         (["--cfg", "nope"], "--cfg/-c: expected as --help says, got --cfg nope"),
         (["hydra.run.dir=${nope:x}"], "hydra.run.dir: expected ${...} to name what there is"),
-        (["path.speed=${sets.nope}"], "path.speed: expected ${...} to name what there is"),
+        (["path.speed=${sets.nope}"], "path.speed: expected ${...} to name what there is, got ${sets.nope}"),
+        (["path.speed=fast", "-m", "method=pf,tt"], "path.speed: expected a number, got fast"),
+        (["+path=waypoints", "path.file=${x}.csv"], "path.file: expected ${...} to name what there is, got ${x}.csv\n"),
         (["hydra.run.dir=null"], "hydra.run.dir: expected a text, got null"),
         (["hydra/launcher=nope"], "hydra/launcher: expected one of basic"),
         (["hydra.nope=2"], "hydra.nope: no such key; expected one of run, sweep"),

@@ -87,6 +87,8 @@ def test_waypoints_travel_with_the_run(
     assert (folder / "waypoints.csv").read_bytes() == text
     assert f"file: {file}\n" in (folder / "config.yaml").read_text()
     assert read_run(folder).problem == problem
+    assert json.loads((folder / "result.json").read_text())["source"] == problem.path.source
+    assert read_run(folder).problem.path.source == problem.path.source  # not that of the copy
 
 
 def test_waypoints_of_every_job_of_a_sweep(

@@ -373,3 +373,31 @@ def test_a_round_that_breaks_does_not_lose_an_earlier_proof(
     monkeypatch.setattr(cfjax.synthesis._Search, "_round", Breaks(MemoryError()))
     with pytest.raises(MemoryError):  # nothing to save
         search(problem, options_of(preset("circle")))
+
+
+def test_interrupt_after_a_proof_keeps_it(
+    train: Callable[..., int],
+    proven: Result,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Ctrl-C in the second round: what the first one has proven is written, and nothing that takes time is begun."""
+    rounds = iter([proven.replace(segments=(replace(proven.segments[0], margin_falsified=1e3),))])
+
+    def next_round(*_: object) -> Result:
+        if (given := next(rounds, None)) is None:
+            raise KeyboardInterrupt
+        return given
+
+    monkeypatch.setattr(cfjax.synthesis._Search, "_round", next_round)
+    for name in ("drive_cars", "robustness_of"):
+        monkeypatch.setattr(cfjax.synthesis, name, Breaks(AssertionError(name)))
+    assert train("+path=circle", *QUESTION, "rounds=3", "robustness=true", "hydra.run.dir=here") == 130
+    said = capfd.readouterr()
+    assert warnings_of(said.err)[-1] == f"interrupted; an earlier round's proof is kept: {Path('here').absolute()}"
+    assert said.out.splitlines()[-1].startswith("run: ") and said.out.startswith("certified: circle, pf")
+    kept = read_run(Path("here"))
+    assert (kept.verdict, kept.document, kept.closed_loop) == (Verdict.CERTIFIED, proven.document, None)
+    assert kept.iterations == 1 and check_file(Path("here") / "certificate.json").outcome is Outcome.PROVEN
+    with pytest.raises(KeyboardInterrupt):  # nothing to keep
+        search(proven.problem, options_of(preset("circle", QUESTION)))

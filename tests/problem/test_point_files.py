@@ -13,6 +13,7 @@ from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle
 from cfjax.problem.point_path import waypoints
 from cfjax.problem.points import course_of, read_points
+from experiments.vehicles.unicycle import Unicycle
 from tests.written import Written, written
 
 
@@ -101,6 +102,7 @@ FORMS = {  # texts, each of points on ARC, and the speed that they mean in m/s
     "x,y,v\n[m],[m],[km/h]\n{,|,36}": 10.0,
     "x_mm,y_mm,v_km_h\n{,|,36|e3}": 10.0,
     "posX (cm);posY (cm);Speed [mph]\n{;|;10|e2}": 4.4704,
+    "x (in cm),y (in cm),v (in km/h)\n{,|,36|e2}": 10.0,
     "East,North,velocity\n{,|,2.5}": 2.5,
     "x in km,y in km,speed m/s\n{,|,2|e-3}": 2.0,
     "xm,ym,vkmh\n{,|,7.2}": 2.0,
@@ -164,6 +166,10 @@ REFUSED = {
     "# units: mm\nx,y\n0,0\n4000,0\n": r"row 1 speaks of mm: expected the unit in the names .* x_mm,y_mm",
     "# v in kph\nx,y,v\n0,0,5\n1,0,5\n": r"row 1 speaks of kph: expected the unit in the name .* as speed_kph",
     "# speed in km/h\nx_m,y_m,speed\n0,0,5\n1,0,5\n": r"row 1 speaks of kmh: expected the unit in .* speed_kmh",
+    "x,y\n0,0\n4000,0\n# all in mm\n": r"row 4 speaks of mm: expected the unit in the names of columns, as x_mm,y_mm",
+    "0,0\n# cm from here\n400,0\n800,1\n": r"row 2 speaks of cm: expected the unit in the names",
+    "x,y # in cm\n0,0\n400,0\n": r"row 1 speaks of cm: expected the unit in the names",
+    "x_m,y_m,v\n0,0,5\n1,0,5\n# v: km/h\n": r"row 4 speaks of kmh: expected the unit in the name of the speed's",
     "latitude;longitude\n48.1;11.5\n48.2;11.6\n": r"row 1: expected x and y in m, got latitude and longitude: project",
     "# lon, lat\n48.1,11.5\n48.2,11.6\n": r"row 1: expected x and y in m, got latitude and longitude: project",
     "x,y\n4,0589,0,0000\n4,0341,0,3000\n": r"row 1 names 2 columns, row 2 has 4 \(a decimal comma needs another",
@@ -180,6 +186,29 @@ REFUSED = {
     "x,y\n0,0\n0.003,0.001\n": r": expected points in m that suit a wheelbase of 0\.34 m, got 0\.003162 m in all: say",
     "x,y\n" + "".join(f"{300 * i},{i}\n" for i in range(30)): r"got 300 m between points: .* as in x_mm,y_mm or x_m",
 }
+
+
+def arc(turn: float, radius: float, count: int = 30) -> np.ndarray:
+    return radius * np.exp(1j * np.linspace(0, turn, count))
+
+
+def rows_of(place: np.ndarray, third: np.ndarray | float) -> str:
+    values = zip(place.real, place.imag, np.broadcast_to(third, place.shape), strict=True)
+    return "".join(f"{x:.6f},{y:.6f},{z:.6f}\n" for x, y, z in values)
+
+
+def test_a_third_column_that_may_be_a_curvature_is_refused(tmp_path: File) -> None:
+    file = tmp_path / "points.csv"
+    bend = arc(3.0, 4.0)
+    run = 8 * np.arange(1, 9) / 8
+    both = np.concatenate([bend[0] - 1j * run[::-1], bend])  # a straight way and a bend
+    for place, third in ((bend, 0.25), (both, np.where(np.arange(len(both)) < 8, 0.0, 0.25))):
+        file.write_text(rows_of(place, third))
+        with pytest.raises(InputError, match=r"as the path bends \(1/m\): its curvature\?; name the col"):
+            waypoints(file)
+        assert not waypoints(file, columns=["x", "y", "_"]).curve[0].speed.polynomial(0.0) < 1
+    file.write_text(rows_of(bend, 1.5))  # a speed, or a width: what it is taken for is said
+    assert "3 (taken for a speed in m/s: path.columns=[x,y,_] where it is none)" in waypoints(file).source
 
 
 SPEEDS = (
@@ -248,6 +277,46 @@ def test_no_table_gets_one_line(tmp_path: File) -> None:
         with pytest.raises(InputError, match=message) as raised:
             read_points(file)
         assert "\n" not in str(raised.value)
+
+
+def test_points_that_are_too_large_or_small_for_the_car_are_doubted() -> None:
+    lap = arc(2 * np.pi, 4.0, 60)
+    assert waypoints(lap, vehicle=CAR).doubt == "" == waypoints(6 * lap, vehicle=KinematicBicycle(2.7)).doubt
+    doubt = waypoints(10 * lap, vehicle=CAR).doubt
+    assert doubt.startswith("points: 251 m are 762 wheelbases (0.33 m), its tightest bend has a radius of 121: where")
+    assert doubt.endswith("or by 'path.columns=[x_cm,y_cm]'; x_m,y_m where they are") and "\n" not in doubt
+    assert " m), its points are 69.9 apart: " in waypoints(np.linspace(0, 900, 40) + 0j, vehicle=CAR).doubt
+    for unit, radius in (("dm", 4.0), ("m", 40.0)):
+        path = waypoints({f"x_{unit}": 10 * lap.real, f"y_{unit}": 10 * lap.imag}, vehicle=CAR)
+        assert path.doubt == "" and length(path) == pytest.approx(2 * np.pi * radius, rel=1e-3)
+    with pytest.raises(InputError, match=r"; 1\.2\d m in all are 3\.\d+ wheelbases: are the points in m\?$"):
+        waypoints(0.05 * lap, vehicle=CAR)
+
+
+def test_a_smoothing_that_takes_the_path_away_is_refused() -> None:
+    lap = arc(2 * np.pi, 4.0, 60)
+    with pytest.raises(InputError, match=r"^path\.smoothing: expected at most 0\.4\d* m for points that lie 4"):
+        waypoints(lap, smoothing=100)
+    assert length(waypoints(lap, smoothing=0.3)) == pytest.approx(8 * np.pi, rel=0.1)
+
+
+def test_what_is_known_of_a_bicycle_alone_is_refused_for_others() -> None:
+    with pytest.raises(InputError, match=r"path\.reserve: expected none for a unicycle, of whose .*, got 0\.3$"):
+        waypoints(arc(1.0, 4.0), vehicle=Unicycle(), reserve=0.3)
+    assert waypoints(arc(1.0, 4.0), vehicle=Unicycle())
+
+
+def test_what_is_no_file_gets_one_line(tmp_path: File) -> None:
+    with pytest.raises(InputError, match=r"^points: expected the name of a file, got an empty text$"):
+        waypoints("")
+    with pytest.raises(InputError, match=r": expected a CSV file of waypoints, got a folder$"):
+        waypoints(tmp_path)
+    with pytest.raises(
+        InputError, match=r": expected a CSV file of waypoints, it cannot be read \(File name too long\)$"
+    ):
+        waypoints("a" * 5000)
+    with pytest.raises(InputError, match=r"it cannot be read \(a file's name has no zero bytes\)$"):
+        waypoints("a\0b")
 
 
 # --- laps
@@ -381,7 +450,8 @@ def check(file: File, meant: Written, whole: bool = False) -> bool:
         count = min(len(speed), len(meant.speed))
         np.testing.assert_allclose(speed[:count], meant.speed[:count], rtol=2e-3, err_msg=str(meant.forms))
     if whole:
-        path = waypoints(file, vehicle=KinematicBicycle(wheelbase=0.1), acceleration=2.0)
+        spacing = float(np.median(np.abs(np.diff(place))))
+        path = waypoints(file, vehicle=KinematicBicycle(wheelbase=max(0.1, spacing / 100)), acceleration=2.0)
         assert length(path) == pytest.approx(meant.length, rel=5e-3), meant.forms
         assert path.source.startswith(f"{file.name}: {len(place)} points, ") and "\n" not in path.source
     return True

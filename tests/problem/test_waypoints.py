@@ -314,7 +314,7 @@ def test_where_the_steering_ends_is_told(write: Callable[..., File]) -> None:
     waypoints(write(points), vehicle=CAR, reserve=0.3)
     with pytest.raises(
         InputError,
-        match=r", row 21: after \S+ m, at x = -3 m, .* radius of 0\.478 m, .* 34\.6°; expected .* 0\.55 m, 31°",
+        match=r", row 1: after 0 m, at x = 3 m, .*closes\), .* radius of 0\.478 m, .* 34\.6°; expected .* 0\.55 m, 31°",
     ):
         waypoints(write(points), vehicle=CAR, reserve=0.4)
 

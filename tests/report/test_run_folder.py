@@ -68,7 +68,7 @@ def test_fields_of_result_json(hand_made: Make, tmp_path: Path) -> None:
     assert data["margin"] == {"certified": None, "falsified": 1 / 3}
     assert data["inputs"] == {"u0": [0.5, 2.0], "w": [-1.0, 1.0], "thrust": [-4.0, 4.0]}
     assert data["vehicle"]["name"] == "kinematic_bicycle"
-    assert data["vehicle"]["wheelbase"] == 0.34
+    assert data["vehicle"]["wheelbase"] == 0.34 and data["source"] is None
     assert data["sets"] == {"inlet": [0.5] * 4, "goal": [0.5] * 4, "safe": [1.0, 1.0, 1.0, 3.0], "obstacles": []}
     assert data["closed"] is True and data["failed_at"] is None
     (segment,) = data["segments"]

@@ -104,6 +104,47 @@ def test_the_answer_speaks_of_the_nearest_tube() -> None:
         follow(curved([2.5, 0.0, 3.0], [2.0, 2.0, 1.0]), [NARROW, WIDE])
 
 
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        (
+            circle(5.0, 0.1),
+            "0.4 below 0.5, where tube narrow-gentle-slow ends; tubes hold it there with a speed from 0.5 to",
+        ),
+        (
+            circle(5.0, 100.0),
+            "68 above 32, where tube narrow-gentle-fast ends; tubes hold it there with a speed from 0.5",
+        ),
+        (
+            circle(0.5, 0.1),
+            "0.4 below 0.5, where tube narrow-tight-slow ends; tubes hold it there with a speed from 0.5",
+        ),
+        (
+            circle(0.3, 2.0),
+            "1.03 above 2.3, where tube narrow-tight-slow ends; tubes hold it there with a curvature from",
+        ),
+        (
+            circle(0.5, 100.0),
+            "68 above 32, where tube narrow-tight-fast ends; tubes hold it there with a speed from 0.5",
+        ),
+    ],
+)
+def test_the_limit_that_decides_and_what_would_hold_are_told(path: Path, message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        follow(path)
+    told = str(refused.value)
+    assert message in told and "\n" not in told
+    assert told.endswith("; cfjax.synthesize(cfjax.Problem(path)) looks for a proof of the path's own")
+
+
+def test_speeds_between_tubes_are_told_as_such() -> None:
+    quick = tube("quick", speed=(3.0, 5.0))
+    with pytest.raises(
+        InputError, match=r"0\.5 below 3, where tube quick ends; .* a speed from 0\.5 to 2 or from 3 to 5 m/s$"
+    ):
+        follow(circle(2.0, 2.5), [WIDE, quick])
+
+
 # --- what is no path
 
 
