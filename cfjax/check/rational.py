@@ -30,10 +30,11 @@ def rational(value: "float | int | str | fmpq") -> fmpq:
 
 
 def _dyadic(ball: arb) -> fmpq:
-    mantissa, exponent = (int(part) for part in ball.man_exp())
+    mantissa, power = ball.man_exp()
+    exponent = int(power)
     if abs(exponent) > LONGEST_DYADIC:
         raise ValueError("a bound is too large or too small a number for this checker")
-    return fmpq(mantissa) * fmpq(2) ** exponent
+    return fmpq(mantissa << exponent) if exponent >= 0 else fmpq(mantissa, 1 << -exponent)
 
 
 def upper_bound(ball: arb) -> fmpq:
