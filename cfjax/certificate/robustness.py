@@ -21,7 +21,7 @@ from cfjax.certificate.writing import Gram, with_hash, write_bounds, write_grams
 from cfjax.check.chain import CHAIN, prove_runs, read_chain
 from cfjax.check.chain_robustness import question_of, timing_of
 from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, read_certificate
-from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
 from cfjax.check.held_hints import CLAIM
 from cfjax.check.piece import between
@@ -148,13 +148,15 @@ def _levels(motion: HeldMotion, solver: Solver) -> dict[str, Any]:
 
     motion.rates(motion.vertices[0], fit_here)
     motion = replace(motion, enclosures=enclosures, derivatives=slopes)
-    cells = list(motion.cells())
-    # a vertex has a budget of its own, as in the replay
-    claims = {vertex: replace(motion) for vertex in range(len(motion.vertices))}
-    programs = [program_of(claims[cell.vertex], cell) for cell in cells]
+    budget = motion.domain.budget
+    cells, programs = list(motion.cells()), []
+    for cell in cells:
+        budget.left = LARGEST_EFFORT  # a vertex has it to itself, as in the replay
+        programs.append(program_of(motion, cell))
     written = []
     for cell, program, solution in zip(cells, programs, solved(solver, programs), strict=True):
-        margin, grams = _exactly(claims[cell.vertex], cell, program, solution)
+        budget.left = LARGEST_EFFORT
+        margin, grams = _exactly(motion, cell, program, solution)
         written.append({"order": cell.order, "vertex": cell.vertex, "margin": str(margin), "grams": write_grams(grams)})
     return {
         "whitening": [[str(entry) for entry in row] for row in motion.whitening],
