@@ -109,13 +109,15 @@ class _Table:
     def __init__(self, domain: Domain, terms: Mapping[Powers, Enclosure]) -> None:
         self.domain, self.powers = domain, tuple(terms)
         self.remainders = tuple(value.remainder for value in terms.values())
-        by_term = [value.polynomial.to_dict() for value in terms.values()]
-        self.monomials = tuple({monomial for own in by_term for monomial in own})
+        polynomials = [value.polynomial for value in terms.values()]
+        by_term = [dict(zip(own.monoms(), own.coeffs(), strict=True)) for own in polynomials]
+        self.monomials = tuple(dict.fromkeys(monomial for own in by_term for monomial in own))
         self.degrees, self.multinomials = ([own[k] for own in map(multinomial_of, self.monomials)] for k in (0, 1))
         domain.budget.spend(16 * len(by_term) * len(self.monomials))
         self.denominator = _common_denominator(domain.budget, [value for own in by_term for value in own.values()])
-        rows = [[own.get(m, fmpq(0)) * self.denominator for m in self.monomials] for own in by_term]
-        self.matrix = fmpz_mat(len(rows), len(self.monomials), [entry.p for row in rows for entry in row])
+        whole = [{m: value.p * (self.denominator // value.q) for m, value in own.items()} for own in by_term]
+        entries = [own.get(monomial, 0) for own in whole for monomial in self.monomials]
+        self.matrix = fmpz_mat(len(whole), len(self.monomials), entries)
         self.longest = max((entry.height_bits() for entry in (*self.matrix.entries(), self.denominator)), default=0)
 
     def at(self, point: Point) -> "Combination":
