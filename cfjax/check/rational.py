@@ -129,20 +129,25 @@ def is_positive_definite(matrix: Sequence[Sequence[fmpq]]) -> bool:
     if any(matrix[i][j] != matrix[j][i] for i in range(size) for j in range(i)):
         return False
     numerator, _ = fmpq_mat([list(row) for row in matrix]).numer_denom()
-    return _is_dominated(numerator) or _has_positive_minors(numerator)
+    return is_positive_definite_whole(numerator)
+
+
+def is_positive_definite_whole(matrix: fmpz_mat) -> bool:
+    """The same of a symmetric matrix of whole numbers."""
+    return _is_dominated(matrix) or _has_positive_minors(matrix)
 
 
 def _is_dominated(matrix: fmpz_mat) -> bool:
     """Whether the matrix less some L Lᵀ is strictly diagonally dominant, its diagonal positive: one L is tried."""
-    rows = [[int(entry) for entry in row] for row in matrix.tolist()]
-    largest = max((row[k] for k, row in enumerate(rows)), default=0)
-    if largest <= 0 or any(abs(entry) >= largest for k, row in enumerate(rows) for entry in row[:k]):
+    rows = [[int(entry) for entry in row[: k + 1]] for k, row in enumerate(matrix.tolist())]
+    largest = max((row[-1] for row in rows), default=0)
+    if largest <= 0 or any(abs(entry) >= largest for row in rows for entry in row[:-1]):
         return False
     shift = FACTOR_BITS - largest.bit_length()  # so that the largest entry of the matrix has as many bits
     lower = _cholesky([[_scaled(entry, shift) for entry in row] for row in rows])
     if lower is None:
         return False
-    factor = fmpz_mat([[round(entry) for entry in row] for row in lower])
+    factor = fmpz_mat([[*map(round, row), *[0] * (len(rows) - len(row))] for row in lower])
     # L is that of 2^shift times the matrix
     left = (matrix * 2**shift if shift >= 0 else matrix) - (factor * factor.transpose()) * (
         2**-shift if shift < 0 else 1
@@ -154,19 +159,21 @@ def _scaled(value: int, shift: int) -> float:
     return float(value << shift) if shift >= 0 else float(value >> -shift)
 
 
-def _cholesky(matrix: list[list[float]]) -> list[list[float]] | None:
-    """A lower triangle L with L Lᵀ ≈ matrix − RESERVE · its largest diagonal entry · 1; None where there is none."""
-    size = len(matrix)
-    reserve = RESERVE * max(matrix[k][k] for k in range(size))
+def _cholesky(rows: list[list[float]]) -> list[list[float]] | None:
+    """Rows of a triangle L with L Lᵀ ≈ matrix − RESERVE · its largest diagonal entry · 1; None where there is none.
+
+    Of the matrix and of L, each row ends on the diagonal.
+    """
+    reserve = RESERVE * max(row[-1] for row in rows)
     lower: list[list[float]] = []
-    for i, row in enumerate(matrix):
+    for row in rows:
         own: list[float] = []
-        for j in range(i):
-            own.append((row[j] - sum(map(mul, own, lower[j]))) / lower[j][j])
-        pivot = row[i] - reserve - sum(map(mul, own, own))
+        for entry, other in zip(row, lower, strict=False):
+            own.append((entry - sum(map(mul, own, other))) / other[-1])
+        pivot = row[-1] - reserve - sum(map(mul, own, own))
         if not pivot > 0:
             return None
-        lower.append([*own, math.sqrt(pivot), *[0.0] * (size - i - 1)])
+        lower.append([*own, math.sqrt(pivot)])
     return lower
 
 

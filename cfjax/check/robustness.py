@@ -57,7 +57,7 @@ from cfjax.check.held import (
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
-from cfjax.check.program import CellProof, Matrix
+from cfjax.check.program import CellProof, Gram
 from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
 from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
 from cfjax.check.reader import Broken
@@ -536,7 +536,7 @@ def _prove_levels(
 
 
 def _prove_sizes(
-    motion: HeldMotion, terms: Terms, cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Matrix, ...]]], effort: Budget
+    motion: HeldMotion, terms: Terms, cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Gram, ...]]], effort: Budget
 ) -> _Sizes:
     if len(motion.vertices) > MOST_VERTICES:
         raise Broken(f"robustness: the parameters have more than {MOST_VERTICES} vertices")
