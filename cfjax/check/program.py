@@ -17,7 +17,7 @@ from itertools import count, product
 from math import isqrt
 from typing import Any
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz, fmpz_mat
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
 from cfjax.check.enclosure import Domain
 from cfjax.check.rational import is_positive_definite, is_positive_definite_whole
@@ -41,9 +41,9 @@ class Gram:
         return (isqrt(8 * len(self.lower) + 1) - 1) // 2
 
     @property
-    def whole(self) -> fmpz_mat:
-        """2^exponent times the matrix."""
-        return fmpz_mat(self.size, self.size, [self.lower[place] for place in _places(self.size)])
+    def whole(self) -> list[list[int]]:
+        """2^exponent times the matrix, by rows."""
+        return [[self.lower[place] for place in row] for row in _places(self.size)]
 
     @property
     def longest(self) -> int:
@@ -52,9 +52,9 @@ class Gram:
 
 
 @cache
-def _places(size: int) -> list[int]:
+def _places(size: int) -> list[list[int]]:
     """Where the entries of a symmetric matrix, row by row, stand in its lower triangle."""
-    return [max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for i in range(size) for j in range(size)]
+    return [[max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for j in range(size)] for i in range(size)]
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class FunnelProgram(abc.ABC):
             if not is_positive_definite_whole(gram.whole):
                 raise ValueError(f"Gram matrix {index} is not positive definite")
             square = quadratic_form(self.ring, gram, basis)
-            squares = self.domain.sum(squares, square if index == 0 else self.domain.product(factor, square))
+            squares += square if index == 0 else self.domain.product(factor, square)
         claimed = self.domain.sum(self.target(cell), -proof.margin * self.drop(cell))
         left = self.domain.sum(claimed, self.domain.negative(squares))
         return proof.margin - self.domain.bound(left) / self.least_drop(cell)
