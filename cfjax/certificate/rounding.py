@@ -57,4 +57,4 @@ def round_gram(gram: Float[np.ndarray, "k k"], padding: float) -> Gram:
     exponent = min(max(GRAM_BITS - math.floor(math.log2(largest)), 0), 200)
     padded = gram + padding * largest * np.eye(len(gram))
     scaled = np.ldexp(padded, exponent)[np.tril_indices(len(gram))]
-    return Gram(exponent, list(map(round, scaled.tolist())))
+    return Gram(exponent, tuple(map(round, scaled.tolist())))

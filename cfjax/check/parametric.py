@@ -4,11 +4,13 @@ What `cfjax.check.held` bounds is of a low degree in inputs and reference. Its c
 deviation; at given parameters it is a combination of them, one product of a vector and a matrix of whole numbers.
 """
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 from math import lcm, prod
+from operator import mul
 
 from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpz, fmpz_mat
 
@@ -111,10 +113,14 @@ class _Table:
         self.remainders = tuple(value.remainder for value in terms.values())
         polynomials = [value.polynomial for value in terms.values()]
         by_term = [dict(zip(own.monoms(), own.coeffs(), strict=True)) for own in polynomials]
-        self.monomials = tuple(dict.fromkeys(monomial for own in by_term for monomial in own))
-        self.degrees, self.multinomials = ([own[k] for own in map(multinomial_of, self.monomials)] for k in (0, 1))
-        domain.budget.spend(16 * len(by_term) * len(self.monomials))
+        found = dict.fromkeys(monomial for own in by_term for monomial in own)
+        self.monomials = sorted(found, key=lambda monomial: multinomial_of(monomial)[0])  # by degree
+        degrees, multinomials = ([own[k] for own in map(multinomial_of, self.monomials)] for k in (0, 1))
+        self.ends = [bisect_right(degrees, degree) for degree in range(-1, max(degrees, default=-1) + 1)]
+        self.whole = lcm(*multinomials)
+        self.shares = [fmpz(self.whole // multinomial) for multinomial in multinomials]
         self.denominator = _common_denominator(domain.budget, [value for own in by_term for value in own.values()])
+        domain.budget.spend(16 * len(by_term) * len(self.monomials) * (1 + self.denominator.bit_length() // 512))
         whole = [{m: value.p * (self.denominator // value.q) for m, value in own.items()} for own in by_term]
         entries = [own.get(monomial, 0) for own in whole for monomial in self.monomials]
         self.matrix = fmpz_mat(len(whole), len(self.monomials), entries)
@@ -159,8 +165,10 @@ class Combination:
 
     def polynomial(self, degree: int) -> fmpq_mpoly:
         """The terms up to the degree."""
-        each = zip(self.table.monomials, self.table.degrees, self.numerators, strict=True)
-        return self.table.domain.ring.from_dict({m: fmpq(n, self.denominator) for m, d, n in each if n and d <= degree})
+        table = self.table
+        end = table.ends[min(degree + 1, len(table.ends) - 1)]
+        terms = zip(table.monomials[:end], self.numerators, strict=False)
+        return table.domain.ring.from_dict({m: fmpq(value, self.denominator) for m, value in terms if value})
 
     @property
     def enclosure(self) -> Enclosure:
@@ -173,12 +181,8 @@ class Combination:
 
     def sizes(self, above: int = -1) -> list[fmpq]:
         """As `Domain.sizes`, of the terms above a degree."""
-        whole = lcm(*self.table.multinomials)
-        squares: dict[int, fmpz] = {}
-        for degree, multinomial, value in zip(
-            self.table.degrees, self.table.multinomials, self.numerators, strict=True
-        ):
-            if degree > above:
-                squares[degree] = squares.get(degree, fmpz(0)) + value * value * (whole // multinomial)
-        common = whole * self.denominator**2
-        return [sqrt_upper(fmpq(squares.get(d, fmpz(0)), common)) for d in range(max(squares, default=0) + 1)]
+        table = self.table
+        squares = list(map(mul, map(mul, self.numerators, self.numerators), table.shares))
+        common = table.whole * self.denominator**2
+        each = enumerate(pairwise(table.ends))
+        return [sqrt_upper(fmpq(sum(squares[a:b], fmpz(0)), common)) if d > above else fmpq(0) for d, (a, b) in each]

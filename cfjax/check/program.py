@@ -12,7 +12,7 @@ holds the funnel |r| ≤ bound, so target ≥ λ drop − bound ≥ (λ − boun
 import abc
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import count, product
 from math import isqrt
 from typing import Any
@@ -33,7 +33,7 @@ class Gram:
     """A symmetric matrix by its lower triangle, row by row: whole numbers over 2^exponent."""
 
     exponent: int
-    lower: Sequence[int]
+    lower: tuple[int, ...]
 
     @property
     def size(self) -> int:
@@ -49,6 +49,12 @@ class Gram:
     def longest(self) -> int:
         """Bits of the longest of the whole numbers."""
         return max(map(int.bit_length, self.lower))
+
+
+@lru_cache(maxsize=1024)  # whoever makes a proof asks, and once more of what the file says
+def is_definite(gram: Gram) -> bool:
+    """Whether the matrix is positive definite."""
+    return is_positive_definite_whole(gram.whole)
 
 
 @cache
@@ -163,7 +169,7 @@ class FunnelProgram(abc.ABC):
                 raise ValueError(f"Gram matrix {index} has {gram.size} rows, expected {len(basis)}")
             # the elimination's numbers grow row by row
             self.domain.budget.spend(len(basis) ** 3 * (1 + len(basis) * gram.longest // 2048))
-            if not is_positive_definite_whole(gram.whole):
+            if not is_definite(gram):
                 raise ValueError(f"Gram matrix {index} is not positive definite")
             square = quadratic_form(self.ring, gram, basis)
             squares += square if index == 0 else self.domain.product(factor, square)

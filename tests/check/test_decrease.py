@@ -145,7 +145,7 @@ def test_quadratic_forms_and_monomials() -> None:
     basis = monomials(4, 2)
     half = rng.integers(-9, 9, size=(len(basis), len(basis)))
     gram = half + half.T
-    lower = [int(gram[i, j]) for i in range(len(basis)) for j in range(i + 1)]
+    lower = tuple(int(gram[i, j]) for i in range(len(basis)) for j in range(i + 1))
     polynomial = quadratic_form(decrease.ring, Gram(3, lower), basis)
     for _ in range(10):
         y = rng.integers(-3, 4, size=4)
