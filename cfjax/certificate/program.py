@@ -8,8 +8,6 @@ from flint import fmpq, fmpq_mpoly
 from jaxtyping import Float
 
 from cfjax.certificate.rounding import dyadic, round_gram
-from cfjax.certificate.writing import Gram
-from cfjax.check.document import unpack_triangle
 from cfjax.check.enclosure import TooLarge
 from cfjax.check.program import CellProof, FunnelProgram
 from cfjax.solver import REFERENCE, Program, Solution, Solver, Status, solver_named
@@ -53,11 +51,10 @@ def solved(solver: Solver, programs: Sequence[Program]) -> list[Solution]:
 
 
 class Proven(NamedTuple):
-    """What the exact replay made of a solution: no proof, or one with its Gram matrices as written and its margin."""
+    """What the exact replay made of a solution: no proof, or one with its margin."""
 
     solution: Solution
     proof: CellProof | None
-    grams: list[Gram]
     margin: fmpq
 
     @property
@@ -101,21 +98,17 @@ def _is_usable(claim: FunnelProgram, solution: Solution) -> bool:
 def _exact_proof(claim: FunnelProgram, cell: object, solution: Solution) -> Proven:
     """The first padding with which the exact replay accepts a solution as rounded."""
     if not _is_usable(claim, solution):
-        return Proven(solution, None, [], fmpq(0))
+        return Proven(solution, None, fmpq(0))
     assert solution.grams is not None
     for padding in PADDINGS:
-        grams = [round_gram(gram, padding) for gram in solution.grams]
-        matrices = tuple(
-            unpack_triangle([fmpq(entry, 2**exponent) for entry in lower], len(basis))
-            for (exponent, lower), basis in zip(grams, claim.bases, strict=True)
-        )
-        proof = CellProof(cell, dyadic(solution.margin, MARGIN_BITS), matrices)
+        grams = tuple(round_gram(gram, padding) for gram in solution.grams)
+        proof = CellProof(cell, dyadic(solution.margin, MARGIN_BITS), grams)
         budget = claim.domain.budget
         left = budget.left
         try:
-            return Proven(solution, proof, grams, claim.proven_margin(proof))
+            return Proven(solution, proof, claim.proven_margin(proof))
         except TooLarge:  # the checker takes no more, whoever's hints they are
             raise
         except ValueError:  # not positive definite yet; the checker will not see this attempt, nor pay for it
             budget.left = left
-    return Proven(solution, None, [], fmpq(0))
+    return Proven(solution, None, fmpq(0))

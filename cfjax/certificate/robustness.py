@@ -17,14 +17,15 @@ from cfjax.certificate.fit import enclose
 from cfjax.certificate.program import program_of, prove, solved
 from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.stretches import NotProven
-from cfjax.certificate.writing import Gram, with_hash, write_bounds, write_grams, write_unary
+from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
 from cfjax.check.chain import CHAIN, prove_runs, read_chain
 from cfjax.check.chain_robustness import question_of, timing_of
 from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, read_certificate
-from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
 from cfjax.check.held_hints import CLAIM
 from cfjax.check.piece import between
+from cfjax.check.program import CellProof
 from cfjax.check.rational import rational
 from cfjax.check.robustness import motions, tube_motions
 from cfjax.check.symbolic import Symbolic, symbolic
@@ -148,14 +149,17 @@ def _levels(motion: HeldMotion, solver: Solver) -> dict[str, Any]:
 
     motion.rates(motion.vertices[0], fit_here)
     motion = replace(motion, enclosures=enclosures, derivatives=slopes)
-    cells = list(motion.cells())
-    # a vertex has a budget of its own, as in the replay
-    claims = {vertex: replace(motion) for vertex in range(len(motion.vertices))}
-    programs = [program_of(claims[cell.vertex], cell) for cell in cells]
+    budget = motion.domain.budget
+    cells, programs = list(motion.cells()), []
+    for cell in cells:
+        budget.left = LARGEST_EFFORT  # a vertex has it to itself, as in the replay
+        programs.append(program_of(motion, cell))
     written = []
     for cell, program, solution in zip(cells, programs, solved(solver, programs), strict=True):
-        margin, grams = _exactly(claims[cell.vertex], cell, program, solution)
-        written.append({"order": cell.order, "vertex": cell.vertex, "margin": str(margin), "grams": write_grams(grams)})
+        budget.left = LARGEST_EFFORT
+        proof = _exactly(motion, cell, program, solution)
+        grams = write_grams(proof.grams)
+        written.append({"order": cell.order, "vertex": cell.vertex, "margin": str(proof.margin), "grams": grams})
     return {
         "whitening": [[str(entry) for entry in row] for row in motion.whitening],
         "enclosures": write_unary(enclosures),
@@ -164,9 +168,9 @@ def _levels(motion: HeldMotion, solver: Solver) -> dict[str, Any]:
     }
 
 
-def _exactly(motion: HeldMotion, cell: HeldCell, program: Program, solution: Solution) -> tuple[fmpq, list[Gram]]:
+def _exactly(motion: HeldMotion, cell: HeldCell, program: Program, solution: Solution) -> CellProof:
     found = prove(motion, cell, program, solution)
     if found.proof is None:
         name = f"the {cell.order}. derivative of V"
         raise NotProven(Verdict.SOLVER_FAILED, f"no bound of {name}: {found.solution}")
-    return found.proof.margin, found.grams
+    return found.proof

@@ -6,7 +6,7 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Float
 
-from cfjax.check.program import Matrix
+from cfjax.check.program import Gram, Matrix
 
 
 FUNNEL_BITS = 30  # C is rounded to 2^-30 of its smallest eigenvalue, the rate to 2^-30 of itself: 1e-9
@@ -51,10 +51,10 @@ def round_whitening(shape: Float[np.ndarray, "n n"]) -> Matrix:
     return round_matrix(whitening, WHITENING_BITS - math.floor(math.log2(values[-1] ** -0.5)))
 
 
-def round_gram(gram: Float[np.ndarray, "k k"], padding: float) -> tuple[int, list[int]]:
-    """(exponent, lower triangle as whole numbers over 2^exponent) of Q + padding · max|Q| · identity."""
-    size = len(gram)
+def round_gram(gram: Float[np.ndarray, "k k"], padding: float) -> Gram:
+    """Q + padding · max|Q| · identity."""
     largest = max(float(np.abs(gram).max()), 1e-30)
     exponent = min(max(GRAM_BITS - math.floor(math.log2(largest)), 0), 200)
-    padded = gram + padding * largest * np.eye(size)
-    return exponent, [round(math.ldexp(float(padded[i, j]), exponent)) for i in range(size) for j in range(i + 1)]
+    padded = gram + padding * largest * np.eye(len(gram))
+    scaled = np.ldexp(padded, exponent)[np.tril_indices(len(gram))]
+    return Gram(exponent, tuple(map(round, scaled.tolist())))

@@ -392,7 +392,7 @@ class Prover:
                 raise self._not_proven(stretch, questions, index, cell, found, used)
             if target and not float(found.margin) >= target:
                 raise _TooLittle
-            written.append((_key(index, cell), found.proof.margin, found.grams))
+            written.append((_key(index, cell), found.proof.margin, found.proof.grams))
             margins.append(found.margin)
             per_metre.append(found.margin / question.extreme.profile["speed"])
             self.cells_done += 1

@@ -14,7 +14,7 @@ from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
 from cfjax.check.meaning import closes
 from cfjax.check.piece import Piece
-from cfjax.check.program import Matrix
+from cfjax.check.program import Gram, Matrix
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.tube import SmoothTube, TubeClaim
@@ -22,9 +22,6 @@ from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
 from cfjax.exact import exact_course, write_pieces
 from cfjax.problem import Problem, Vehicle
-
-
-Gram = tuple[int, list[int]]  # exponent and lower triangle, `cfjax.certificate.rounding`
 
 
 def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
@@ -131,7 +128,7 @@ def write_unary(enclosures: Mapping[int, UnaryEnclosure]) -> list[dict[str, Any]
 
 def write_grams(grams: Sequence[Gram]) -> list[dict[str, Any]]:
     """Gram matrices: whole numbers over a power of two."""
-    return [{"exponent": exponent, "lower": list(lower)} for exponent, lower in grams]
+    return [{"exponent": gram.exponent, "lower": list(gram.lower)} for gram in grams]
 
 
 def write_bounds(bounds: TubeClaim) -> dict[str, Any]:

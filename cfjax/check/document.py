@@ -17,7 +17,7 @@ from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
 from cfjax.check.graph import ARITY, Graph, Node
 from cfjax.check.piece import Piece, are_steady
 from cfjax.check.polynomial import Coefficients
-from cfjax.check.program import Matrix
+from cfjax.check.program import Gram, Matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import ExactPose, Reference
@@ -154,7 +154,7 @@ class StretchHints:
     bounds: TubeClaim
     whitening: Matrix
     enclosures: Mapping[int, UnaryHint]
-    cells: Mapping[CellKey, tuple[fmpq, tuple[Matrix, ...]]]
+    cells: Mapping[CellKey, tuple[fmpq, tuple[Gram, ...]]]
 
 
 @dataclass(frozen=True)
@@ -540,10 +540,8 @@ def _clearance(item: Item, problem: ProblemClaim) -> tuple[tuple[tuple[HalfPlane
     )
 
 
-def read_gram(item: Item, size: int) -> Matrix:
+def read_gram(item: Item, size: int) -> Gram:
     """Whole numbers over a common power of two."""
     exponent, lower = item.record("exponent", "lower")
-    scale = fmpq(1, 2 ** exponent.integer(0, 200))
-    length = size * (size + 1) // 2
-    entries = [scale * entry.integer(-LARGEST_GRAM_ENTRY, LARGEST_GRAM_ENTRY) for entry in lower.items(length, length)]
-    return unpack_triangle(entries, size)
+    entries = lower.integers(size * (size + 1) // 2, -LARGEST_GRAM_ENTRY, LARGEST_GRAM_ENTRY)
+    return Gram(exponent.integer(0, 200), entries)

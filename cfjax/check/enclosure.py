@@ -11,9 +11,9 @@ its argument (`UnaryEnclosure`), whose bound arb balls establish.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
-from flint import arb, arb_series, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpq_poly
+from flint import arb, arb_series, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpq_poly, fmpz
 
 from cfjax.check.rational import bits, decimal_text, sqrt_upper, upper_bound
 
@@ -184,18 +184,18 @@ class Domain:
         """
         self.budget.spend(16 * len(polynomial))
         squares: dict[int, arb] = {}
-        for monomial, coefficient in polynomial.to_dict().items():
-            exponents = tuple(map(int, monomial))
-            degree = sum(exponents)
-            squares[degree] = squares.get(degree, arb(0)) + _cauchy_schwarz(arb(coefficient), exponents)
         zero = arb(0)
+        for monomial, coefficient in zip(polynomial.monoms(), polynomial.coeffs(), strict=True):
+            degree, multinomial = multinomial_of(monomial)
+            ball = arb(coefficient)
+            squares[degree] = squares.get(degree, zero) + ball * ball / multinomial
         return [upper_bound(squares.get(degree, zero).sqrt()) for degree in range(max(squares, default=0) + 1)]
 
     def bound(self, polynomial: fmpq_mpoly) -> fmpq:
         """A rational that is at least max |polynomial| over the ball."""
         return sum((size * self.radius**degree for degree, size in enumerate(self.sizes(polynomial))), fmpq(0))
 
-    @property
+    @cached_property
     def radius(self) -> fmpq:
         """A rational that is at least r."""
         return sqrt_upper(self.radius_squared)
@@ -209,7 +209,8 @@ class Domain:
         result = [fmpq(0), fmpq(0), fmpq(0)]
         for i, a in enumerate(first):
             for j, b in enumerate(second):
-                result[min(i + j, 2)] += a * b * self.radius ** max(i + j - 2, 0)
+                if a and b:
+                    result[min(i + j, 2)] += a * b * self.radius ** max(i + j - 2, 0)
         zeroth, linear, square = map(_short_remainder, result)
         return zeroth, linear, square
 
@@ -221,14 +222,15 @@ def _short_remainder(value: fmpq) -> fmpq:
     return upper_bound(arb(max(value, SMALLEST_REMAINDER))) if value else value
 
 
-def _cauchy_schwarz(coefficient: arb, monomial: tuple[int, ...]) -> arb:
-    """coefficient² over the multinomial number: (Σ c_m y^m)² ≤ (Σ c_m²/multinomial_m) |y|^{2d} at degree d."""
+@lru_cache(maxsize=2**14)
+def multinomial_of(monomial: tuple[fmpz, ...]) -> tuple[int, int]:
+    """Degree d and multinomial number: (Σ c_m y^m)² ≤ (Σ c_m²/multinomial_m) |y|^{2d} for polynomials of degree d."""
     multinomial, placed = 1, 0
-    for exponent in monomial:
+    for exponent in map(int, monomial):
         for k in range(1, exponent + 1):
             placed += 1
             multinomial = multinomial * placed // k
-    return coefficient * coefficient / multinomial
+    return placed, multinomial
 
 
 @dataclass(frozen=True)
@@ -253,9 +255,13 @@ class Enclosure:
         remainder = self.domain.remainder_product(self.remainder, other.remainder)
         for one, two in ((self, other), (other, self)):
             if any(two.remainder):
-                sizes = self.domain.sizes(one.polynomial)
-                remainder = _sum(remainder, self.domain.remainder_product(sizes, two.remainder))
+                remainder = _sum(remainder, self.domain.remainder_product(one.sizes, two.remainder))
         return Enclosure(self.domain, self.domain.product(self.polynomial, other.polynomial), remainder)
+
+    @cached_property
+    def sizes(self) -> list[fmpq]:
+        """`Domain.sizes` of the polynomial."""
+        return self.domain.sizes(self.polynomial)
 
     @property
     def largest_remainder(self) -> fmpq:

@@ -22,7 +22,7 @@ parameters of their own then (`asked:…`), and it is affine in each of the four
 That B is a bound at a vertex is shown by sums of squares (`cfjax.check.program`), with q_lo ≤ q ≤ q_hi as constraints.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -33,6 +33,7 @@ from flint import fmpq, fmpq_mat, fmpq_mpoly
 from cfjax.check.decrease import ApplyFunction, LevelPiece, level_bounds
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
+from cfjax.check.parametric import Combination, Parametric, Point
 from cfjax.check.program import FunnelProgram, Matrix
 from cfjax.check.rational import sqrt_upper
 from cfjax.check.reader import Broken
@@ -40,7 +41,6 @@ from cfjax.check.symbolic import DERIVATIVES, Symbolic
 
 
 Range = tuple[fmpq, fmpq]
-Point = Mapping[str, fmpq]  # parameters by the graph's names
 TIMING = "input:u0"
 REFERENCE, ASKED = "reference:", "asked:"  # beside which a car moves, and at which V̇ is looked at where that is another
 ORDERS = (1, 2)  # V̇, V̈
@@ -96,32 +96,33 @@ class HeldCell(NamedTuple):
 
 
 class Dual:
-    """A value and its slope in one direction; enough of arithmetic to evaluate a graph."""
+    """A value and its slopes by several variables; enough of arithmetic to evaluate a graph."""
 
-    def __init__(self, value: Enclosure, slope: Enclosure | None = None) -> None:
-        self.value, self.slope = value, slope  # None: zero
+    def __init__(self, value: Parametric, slopes: Mapping[int, Parametric]) -> None:
+        self.value, self.slopes = value, slopes  # by the number of the variable; those that are not there are zero
 
     def __add__(self, other: "Dual") -> "Dual":
-        return Dual(self.value + other.value, _sum(self.slope, other.slope))
+        return Dual(self.value + other.value, _sum(self.slopes, other.slopes))
 
     def __sub__(self, other: "Dual") -> "Dual":
         return self + -other
 
     def __neg__(self) -> "Dual":
-        return Dual(-self.value, None if self.slope is None else -self.slope)
+        return Dual(-self.value, {index: -slope for index, slope in self.slopes.items()})
 
     def __mul__(self, other: "Dual") -> "Dual":
-        slopes = (
-            None if one is None else one * factor
-            for one, factor in ((self.slope, other.value), (other.slope, self.value))
-        )
-        return Dual(self.value * other.value, _sum(*slopes))
+        return Dual(self.value * other.value, _sum(self.times(other.value), other.times(self.value)))
+
+    def times(self, factor: Parametric) -> dict[int, Parametric]:
+        """The slopes times a factor."""
+        return {index: slope * factor for index, slope in self.slopes.items()}
 
 
-def _sum(first: Enclosure | None, second: Enclosure | None) -> Enclosure | None:
-    if first is None or second is None:
-        return second if first is None else first
-    return first + second
+def _sum(first: Mapping[int, Parametric], second: Mapping[int, Parametric]) -> dict[int, Parametric]:
+    total = dict(first)
+    for index, slope in second.items():
+        total[index] = total[index] + slope if index in total else slope
+    return total
 
 
 @dataclass(frozen=True)
@@ -178,109 +179,105 @@ class HeldMotion(FunnelProgram):
         """The parameters at which V̇ is looked at."""
         return {name: at.get(asked_name(name), value) for name, value in at.items()}
 
-    # --- the motion at given parameters
+    # --- the motion, in parameters
 
-    def _values(self, at: Point) -> dict[str, Enclosure]:
+    def rates(self, at: Point, function: ApplyFunction) -> list[Enclosure]:
+        """ẋ = f(x, u, r) at given parameters; `function(node, name, argument)` encloses a function's value."""
         values = {name: self.domain.exact(x) for name, x in zip(self.states, self.deviations, strict=True)}
-        return values | {name: self.domain.constant(value) for name, value in at.items()}
-
-    def rates(self, at: Point, function: ApplyFunction | None = None) -> list[Enclosure]:
-        """ẋ = f(x, u, r); `function(node, name, argument)` encloses a function's value, unless hints are there."""
-        apply = function or (lambda node, _, argument: argument.apply(self.enclosures[node]))
-        return self.graph.evaluate(self._values(at), self.domain.constant, apply)
-
-    def along(self, at: Point, direction: list[Enclosure]) -> list[Enclosure]:
-        """(∂f/∂x) · direction."""
-        values = {name: Dual(value) for name, value in self._values(at).items()}
-        for name, slope in zip(self.states, direction, strict=True):
-            values[name] = Dual(values[name].value, slope)
-        rates = self.graph.evaluate(values, lambda value: Dual(self.domain.constant(value)), self._apply)
-        return [self.domain.constant(fmpq(0)) if rate.slope is None else rate.slope for rate in rates]
-
-    def _apply(self, node: int, function: str, argument: Dual) -> Dual:
-        value = argument.value.apply(self.enclosures[node])
-        if argument.slope is None:
-            return Dual(value)
-        _, sign = DERIVATIVES[function]
-        slope = argument.value.apply(self.derivatives[node]) * argument.slope
-        return Dual(value, slope if sign > 0 else -slope)
-
-    def uphill(self, direction: list[Enclosure]) -> Enclosure:
-        """∇q · direction."""
-        total = self.domain.constant(fmpq(0))
-        for gradient, entry in zip(self.covector, direction, strict=True):
-            total = total + self.domain.exact(gradient) * entry
-        return total
-
-    def bend(self, one: list[Enclosure], other: list[Enclosure]) -> Enclosure:
-        """2 oneᵀ C other, for two directions."""
-        total = self.domain.constant(fmpq(0))
-        for i, row in enumerate(self.shape):
-            total = total + self.domain.constant(2 * row[i]) * (one[i] * other[i])
-            for j in range(i):
-                total = total + self.domain.constant(2 * row[j]) * (one[i] * other[j] + one[j] * other[i])
-        return total
-
-    # --- at a vertex, by its number: V̇ and V̈ divided by σ
+        values |= {name: self.domain.constant(value) for name, value in at.items()}
+        return self.graph.evaluate(values, self.domain.constant, function)
 
     @cached_property
-    def _moved(self) -> dict[int, list[Enclosure]]:
-        return {}
+    def _duals(self) -> list[Dual]:
+        """ẋ with ∂ẋ/∂x."""
+        values = {name: Dual(self._parameter(name), {}) for name in self.parameters}
+        for index, (name, x) in enumerate(zip(self.states, self.deviations, strict=True)):
+            values[name] = Dual(self._exact(x), {index: self._exact(self.ring.constant(1))})
+        return self.graph.evaluate(values, lambda value: Dual(self._exact(self.ring.constant(value)), {}), self._apply)
 
-    def moved(self, vertex: int) -> list[Enclosure]:
-        """ẋ there."""
-        if vertex not in self._moved:
-            self._moved[vertex] = self.rates(self.vertices[vertex])
-        return self._moved[vertex]
+    def _exact(self, polynomial: fmpq_mpoly) -> Parametric:
+        return Parametric.free(self.domain.exact(polynomial))
 
-    def first(self, vertex: int) -> Enclosure:
+    def _parameter(self, name: str) -> Parametric:
+        lower, upper = self.parameters[name]
+        return Parametric.parameter(self.domain, name) if lower < upper else self._exact(self.ring.constant(lower))
+
+    def _apply(self, node: int, function: str, argument: Dual) -> Dual:
+        value = Parametric.free(argument.value.constant.apply(self.enclosures[node]))
+        if not argument.slopes:
+            return Dual(value, {})
+        _, sign = DERIVATIVES[function]
+        slope = Parametric.free(argument.value.constant.apply(self.derivatives[node]))
+        return Dual(value, argument.times(slope if sign > 0 else -slope))
+
+    @cached_property
+    def moved(self) -> list[Parametric]:
+        """ẋ."""
+        return [dual.value for dual in self._duals]
+
+    @cached_property
+    def _timing(self) -> Parametric:
+        """k u0: how fast V/σ changes by σ alone, over V/σ, where V has a rate of its own."""
+        return self._exact(self.ring.constant(self.piece.timing[1])) * self._parameter(TIMING)
+
+    @cached_property
+    def uphill(self) -> Parametric:
+        """q̇."""
+        return self._total(self._exact(gradient) * rate for gradient, rate in zip(self.covector, self.moved, strict=True))
+
+    @cached_property
+    def first(self) -> Parametric:
         """V̇/σ."""
-        fastness = self.ring.constant(self.vertices[vertex][TIMING])
-        timing = self.domain.exact(self.domain.product(self.piece.timing_at(self.form), fastness))
-        return self.uphill(self.moved(vertex)) + timing
+        timing = self._exact(self.piece.timing_at(self.form)) * self._parameter(TIMING)
+        return self.uphill + timing
 
-    def second(self, vertex: int) -> Enclosure:
-        """V̈/σ beside references that stay as they are: k² u0² q + 2 k u0 q̇ + q̈."""
-        at, rates = self.vertices[vertex], self.moved(vertex)
-        asked = self.asked(at)
-        k = self.piece.timing[1] * at[TIMING]
-        total = self.bend(rates, rates if asked == at else self.rates(asked)) + self.uphill(self.along(asked, rates))
-        if k:
-            total = total + self.domain.constant(2 * k) * self.uphill(rates) + self.domain.exact(k * k * self.form)
-        return total
-
-    # --- sizes, at a vertex
-
-    def slopes(self, vertex: int) -> list[fmpq]:
-        """|∂V̇/∂x_i| over V ≤ 1, at most; term by term."""
-        at, size = self.vertices[vertex], range(len(self.states))
-        own = self.domain.constant(self.piece.timing[1] * at[TIMING])
+    @cached_property
+    def slopes(self) -> list[Parametric]:
+        """∂(V̇/σ)/∂x."""
+        nothing = Parametric(self.domain, {})
         found = []
-        for i in size:
-            unit = [self.domain.constant(fmpq(i == j)) for j in size]
-            total = self.uphill(self.along(at, unit)) + own * self.domain.exact(self.covector[i])
-            for j, rate in enumerate(self.moved(vertex)):
-                total = total + self.domain.constant(2 * self.shape[i][j]) * rate
-            found.append(self._weighted(total))
+        for i, (row, gradient) in enumerate(zip(self.shape, self.covector, strict=True)):
+            bend = (self._exact(self.ring.constant(2 * c)) * rate for c, rate in zip(row, self.moved, strict=True))
+            steered = (
+                self._exact(each) * dual.slopes.get(i, nothing)
+                for each, dual in zip(self.covector, self._duals, strict=True)
+            )
+            found.append(self._total(steered) + self._total(bend) + self._timing * self._exact(gradient))
         return found
+
+    @cached_property
+    def second(self) -> Parametric:
+        """V̈/σ beside references that stay as they are: k u0 (q̇ + k u0 q) + ẋ·∂(V̇/σ)/∂x."""
+        asked = {name: asked_name(name) for name in self.parameters if asked_name(name) in self.parameters}
+        along = (rate * slope.renamed(asked) for rate, slope in zip(self.moved, self.slopes, strict=True))
+        return self._total(along) + self._timing * (self.uphill + self._timing * self._exact(self.form))
+
+    def _total(self, each: Iterable[Parametric]) -> Parametric:
+        return sum(each, Parametric(self.domain, {}))
+
+    # --- sizes, at a vertex, by its number
+
+    def steepness(self, vertex: int) -> list[fmpq]:
+        """|∂V̇/∂x_i| over V ≤ 1, at most; term by term."""
+        return [self._weighted(slope.at(self.vertices[vertex])) for slope in self.slopes]
 
     def swiftness(self, vertex: int) -> fmpq:
         """|V̇| over this range of levels, at most; term by term."""
-        return self._weighted(self.first(vertex))
+        return self._weighted(self.first.at(self.vertices[vertex]))
 
     def speeds(self, vertex: int) -> list[fmpq]:
         """|ẋ_i| over this range of levels, at most; term by term."""
-        return [sum(self._powers(rate), fmpq(0)) for rate in self.moved(vertex)]
+        return [sum(self._powers(rate.at(self.vertices[vertex])), fmpq(0)) for rate in self.moved]
 
-    def _powers(self, value: Enclosure) -> list[fmpq]:
+    def _powers(self, value: Combination) -> list[fmpq]:
         """Rationals c_d with |value| ≤ Σ c_d (q/q_hi)^{d/2}: |y|² ≤ r² q/q_hi, as `domain` has proven."""
-        sizes = self.domain.sizes(value.polynomial)
+        sizes = value.sizes()
         sizes += [fmpq(0)] * (len(value.remainder) - len(sizes))
         for degree, size in enumerate(value.remainder):
             sizes[degree] += size
         return [size * self.domain.radius**degree for degree, size in enumerate(sizes)]
 
-    def _weighted(self, value: Enclosure) -> fmpq:
+    def _weighted(self, value: Combination) -> fmpq:
         """σ |value| over this range of levels, at most: σ ≤ 1/drop."""
         powers, piece = self._powers(value), self.piece
         if not piece.drop[1]:
@@ -303,14 +300,12 @@ class HeldMotion(FunnelProgram):
         return self._targets[cell]
 
     def _target(self, cell: HeldCell) -> fmpq_mpoly:
-        rate = self.first(cell.vertex) if cell.order == 1 else self.second(cell.vertex)
-        low, high = {}, {}  # by degree: what the squares can match, and what is bounded
-        for exponents, coefficient in rate.polynomial.to_dict().items():
-            part = low if sum(map(int, exponents)) <= 2 * self.degrees[0] else high
-            part[exponents] = coefficient
-        left_out = rate.largest_remainder + self.domain.bound(self.ring.from_dict(high))
+        rate = (self.first if cell.order == 1 else self.second).at(self.vertices[cell.vertex])
+        most = 2 * self.degrees[0]  # what the squares can match; the rest is bounded
+        powers = (size * self.domain.radius**degree for degree, size in enumerate(rate.sizes(above=most)))
+        left_out = rate.largest_remainder + sum(powers, fmpq(0))
         left_out += self.spare if cell.order == 2 else 0
-        return self.domain.negative(self.ring.from_dict(low)) - left_out
+        return self.domain.negative(rate.polynomial(most)) - left_out
 
     def drop(self, cell: HeldCell) -> fmpq_mpoly:
         return self.piece.drop_at(self.form)

@@ -20,7 +20,7 @@ from cfjax.check.document import (
     read_unary,
 )
 from cfjax.check.held import ORDERS
-from cfjax.check.program import Matrix
+from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.tube import TubeClaim
 
@@ -39,7 +39,7 @@ class PieceHints:
     whitening: Matrix
     enclosures: Unary
     derivatives: Unary
-    cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Matrix, ...]]]
+    cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Gram, ...]]]
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,15 @@ holds the funnel |r| ≤ bound, so target ≥ λ drop − bound ≥ (λ − boun
 import abc
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from itertools import product
+from functools import cache, cached_property, lru_cache
+from itertools import count, product
+from math import isqrt
 from typing import Any
 
-from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
 from cfjax.check.enclosure import Domain
-from cfjax.check.rational import bits, is_positive_definite
+from cfjax.check.rational import is_positive_definite, is_positive_definite_whole
 
 
 Matrix = Sequence[Sequence[fmpq]]
@@ -28,12 +29,47 @@ RADIUS_SLACK = fmpq(1, 1024)  # the ball in y is this much larger than the funne
 
 
 @dataclass(frozen=True)
+class Gram:
+    """A symmetric matrix by its lower triangle, row by row: whole numbers over 2^exponent."""
+
+    exponent: int
+    lower: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """How many rows it has."""
+        return (isqrt(8 * len(self.lower) + 1) - 1) // 2
+
+    @property
+    def whole(self) -> list[list[int]]:
+        """2^exponent times the matrix, by rows."""
+        return [[self.lower[place] for place in row] for row in _places(self.size)]
+
+    @property
+    def longest(self) -> int:
+        """Bits of the longest of the whole numbers."""
+        return max(map(int.bit_length, self.lower))
+
+
+@lru_cache(maxsize=1024)  # whoever makes a proof asks, and once more of what the file says
+def is_definite(gram: Gram) -> bool:
+    """Whether the matrix is positive definite."""
+    return is_positive_definite_whole(gram.whole)
+
+
+@cache
+def _places(size: int) -> list[list[int]]:
+    """Where the entries of a symmetric matrix, row by row, stand in its lower triangle."""
+    return [[max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for j in range(size)] for i in range(size)]
+
+
+@dataclass(frozen=True)
 class CellProof:
     """Margin and Gram matrices for one cell: Q₀ first, then one for each of the cell's constraints."""
 
     cell: Any
     margin: fmpq
-    grams: tuple[Matrix, ...]
+    grams: tuple[Gram, ...]
 
 
 class FunnelProgram(abc.ABC):
@@ -124,21 +160,21 @@ class FunnelProgram(abc.ABC):
             ValueError: names what is not as it has to be.
         """
         cell = proof.cell
-        left = self.domain.sum(self.target(cell), -proof.margin * self.drop(cell))
         factors = [self.ring.constant(1), *self.constraints(cell)]
         if len(proof.grams) != len(factors) or len(self.degrees) != len(factors):
             raise ValueError(f"expected {len(factors)} Gram matrices, got {len(proof.grams)}")
+        squares = self.ring.constant(0)
         for index, (factor, gram, basis) in enumerate(zip(factors, proof.grams, self.bases, strict=True)):
-            if len(gram) != len(basis):
-                raise ValueError(f"Gram matrix {index} has {len(gram)} rows, expected {len(basis)}")
-            longest = max(
-                bits(entry) for i, row in enumerate(gram) for entry in row[: i + 1]
-            )  # the elimination's numbers grow row by row
-            self.domain.budget.spend(len(basis) ** 3 * (1 + len(basis) * longest // 2048))
-            if not is_positive_definite(gram):
+            if len(gram.lower) != len(basis) * (len(basis) + 1) // 2:
+                raise ValueError(f"Gram matrix {index} has {gram.size} rows, expected {len(basis)}")
+            # the elimination's numbers grow row by row
+            self.domain.budget.spend(len(basis) ** 3 * (1 + len(basis) * gram.longest // 2048))
+            if not is_definite(gram):
                 raise ValueError(f"Gram matrix {index} is not positive definite")
-            square = self.domain.product(factor, quadratic_form(self.ring, gram, basis))
-            left = self.domain.sum(left, self.domain.negative(square))
+            square = quadratic_form(self.ring, gram, basis)
+            squares += square if index == 0 else self.domain.product(factor, square)
+        claimed = self.domain.sum(self.target(cell), -proof.margin * self.drop(cell))
+        left = self.domain.sum(claimed, self.domain.negative(squares))
         return proof.margin - self.domain.bound(left) / self.least_drop(cell)
 
 
@@ -148,22 +184,26 @@ def monomials(variables: int, degree: int) -> tuple[Exponents, ...]:
     return tuple(sorted(every, key=lambda e: (sum(e), tuple(-k for k in e))))
 
 
-def quadratic_form(ring: fmpq_mpoly_ctx, gram: Matrix, basis: tuple[Exponents, ...]) -> fmpq_mpoly:
+def quadratic_form(ring: fmpq_mpoly_ctx, gram: Gram, basis: tuple[Exponents, ...]) -> fmpq_mpoly:
     """zᵀ Q z for the monomials z with the exponents in `basis`."""
-    whole, denominator = fmpq_mat([list(row) for row in gram]).numer_denom()
-    rows = whole.tolist()
+    lower, denominator = gram.lower, 2**gram.exponent
     terms = {
-        exponents: fmpq(sum((rows[i][j] if i == j else 2 * rows[i][j] for i, j in places), fmpz(0)), denominator)
-        for exponents, places in _products(basis).items()
+        exponents: fmpq(2 * sum([lower[place] for place in beside]) + sum([lower[place] for place in on]), denominator)
+        for exponents, beside, on in _products(basis)
     }
     return ring.from_dict(terms)
 
 
 @cache
-def _products(basis: tuple[Exponents, ...]) -> dict[Exponents, list[tuple[int, int]]]:
-    """Where in the lower triangle of z zᵀ each monomial stands."""
-    found: dict[Exponents, list[tuple[int, int]]] = {}
+def _products(basis: tuple[Exponents, ...]) -> list[tuple[tuple[fmpz, ...], list[int], list[int]]]:
+    """Each monomial of z zᵀ with its places in the lower triangle, row by row: those beside and those on the diagonal.
+
+    Exponents are the library's numbers, in which it takes them faster.
+    """
+    found: dict[Exponents, tuple[list[int], list[int]]] = {}
+    places = count()
     for i, first in enumerate(basis):
         for j in range(i + 1):
-            found.setdefault(tuple(a + b for a, b in zip(first, basis[j], strict=True)), []).append((i, j))
-    return found
+            exponents = tuple(a + b for a, b in zip(first, basis[j], strict=True))
+            found.setdefault(exponents, ([], []))[i == j].append(next(places))
+    return [(tuple(map(fmpz, exponents)), *own) for exponents, own in found.items()]

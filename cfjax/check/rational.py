@@ -6,7 +6,7 @@ from decimal import ROUND_HALF_EVEN, Context, Decimal, Inexact
 from fractions import Fraction
 from operator import mul
 
-from flint import arb, ctx, fmpq, fmpq_mat, fmpz_mat
+from flint import arb, ctx, fmpq, fmpq_mat, fmpz, fmpz_mat
 
 
 DYADIC = 80  # bits behind the point of numbers that are rounded to be short
@@ -30,10 +30,11 @@ def rational(value: "float | int | str | fmpq") -> fmpq:
 
 
 def _dyadic(ball: arb) -> fmpq:
-    mantissa, exponent = (int(part) for part in ball.man_exp())
+    mantissa, power = ball.man_exp()
+    exponent = int(power)
     if abs(exponent) > LONGEST_DYADIC:
         raise ValueError("a bound is too large or too small a number for this checker")
-    return fmpq(mantissa) * fmpq(2) ** exponent
+    return fmpq(mantissa << exponent) if exponent >= 0 else fmpq(mantissa, 1 << -exponent)
 
 
 def upper_bound(ball: arb) -> fmpq:
@@ -128,55 +129,70 @@ def is_positive_definite(matrix: Sequence[Sequence[fmpq]]) -> bool:
     if any(matrix[i][j] != matrix[j][i] for i in range(size) for j in range(i)):
         return False
     numerator, _ = fmpq_mat([list(row) for row in matrix]).numer_denom()
-    return _is_dominated(numerator) or _has_positive_minors(numerator)
+    return is_positive_definite_whole([list(map(int, row)) for row in numerator.tolist()])
 
 
-def _is_dominated(matrix: fmpz_mat) -> bool:
-    """Whether the matrix less some L Lᵀ is strictly diagonally dominant, its diagonal positive: one L is tried."""
-    rows = [[int(entry) for entry in row] for row in matrix.tolist()]
-    largest = max((row[k] for k, row in enumerate(rows)), default=0)
-    if largest <= 0 or any(abs(entry) >= largest for k, row in enumerate(rows) for entry in row[:k]):
+def is_positive_definite_whole(matrix: Sequence[Sequence[int]]) -> bool:
+    """The same of a symmetric matrix of whole numbers."""
+    return _is_dominated(matrix) or _has_positive_minors(matrix)
+
+
+def _is_dominated(matrix: Sequence[Sequence[int]]) -> bool:
+    """Whether the matrix less some L Lᵀ is strictly diagonally dominant, its diagonal positive: one L is tried.
+
+    Row by row by Σ_j |r_ij| ≤ √(n−1) √(Σ_j r_ij²) over what is beside the diagonal: squares are summed in C.
+    """
+    size = len(matrix)
+    largest = max((row[k] for k, row in enumerate(matrix)), default=0)
+    if largest <= 0 or any(max(row) > largest or min(row) < -largest for row in matrix):
         return False
     shift = FACTOR_BITS - largest.bit_length()  # so that the largest entry of the matrix has as many bits
-    lower = _cholesky([[_scaled(entry, shift) for entry in row] for row in rows])
+    lower = _cholesky([_scaled(row[: k + 1], shift) for k, row in enumerate(matrix)])
     if lower is None:
         return False
-    factor = fmpz_mat([[round(entry) for entry in row] for row in lower])
+    factor = fmpz_mat([[*map(round, row), *[0] * (size - len(row))] for row in lower])
     # L is that of 2^shift times the matrix
-    left = (matrix * 2**shift if shift >= 0 else matrix) - (factor * factor.transpose()) * (
-        2**-shift if shift < 0 else 1
+    left = fmpz_mat(matrix) * 2 ** max(shift, 0) - factor * factor.transpose() * 2 ** max(-shift, 0)
+    squares = left * left  # on its diagonal, as the matrix is symmetric: the squares of a row
+    return all(
+        left[k, k] > 0 and left[k, k] ** 2 > (size - 1) * (squares[k, k] - left[k, k] ** 2) for k in range(size)
     )
-    return all(2 * row[k] > sum(map(abs, row)) for k, row in enumerate(left.tolist()))
 
 
-def _scaled(value: int, shift: int) -> float:
-    return float(value << shift) if shift >= 0 else float(value >> -shift)
+def _scaled(row: Sequence[int], shift: int) -> list[float]:
+    """As floating-point numbers, each times 2^shift: none has more than FACTOR_BITS bits then."""
+    if shift < 0:
+        return [float(entry >> -shift) for entry in row]
+    unit = 2.0**shift
+    return [entry * unit for entry in row]
 
 
-def _cholesky(matrix: list[list[float]]) -> list[list[float]] | None:
-    """A lower triangle L with L Lᵀ ≈ matrix − RESERVE · its largest diagonal entry · 1; None where there is none."""
-    size = len(matrix)
-    reserve = RESERVE * max(matrix[k][k] for k in range(size))
+def _cholesky(rows: list[list[float]]) -> list[list[float]] | None:
+    """Rows of a triangle L with L Lᵀ ≈ matrix − RESERVE · its largest diagonal entry · 1; None where there is none.
+
+    Of the matrix and of L, each row ends on the diagonal.
+    """
+    reserve = RESERVE * max(row[-1] for row in rows)
     lower: list[list[float]] = []
-    for i, row in enumerate(matrix):
+    for row in rows:
         own: list[float] = []
-        for j in range(i):
-            own.append((row[j] - sum(map(mul, own, lower[j]))) / lower[j][j])
-        pivot = row[i] - reserve - sum(map(mul, own, own))
+        for entry, other in zip(row, lower, strict=False):
+            own.append((entry - sum(map(mul, own, other))) / other[-1])
+        pivot = row[-1] - reserve - sum(map(mul, own, own))
         if not pivot > 0:
             return None
-        lower.append([*own, math.sqrt(pivot), *[0.0] * (size - i - 1)])
+        lower.append([*own, math.sqrt(pivot)])
     return lower
 
 
-def _has_positive_minors(matrix: fmpz_mat) -> bool:
+def _has_positive_minors(matrix: Sequence[Sequence[int]]) -> bool:
     """By the pivots of LDLᵀ.
 
     The elimination is fraction-free (Bareiss): its diagonal holds the leading principal minors, all of which are
     positive exactly for a positive definite matrix (Sylvester).
     """
-    size = matrix.nrows()
-    rows = [[matrix[i, j] for j in range(size)] for i in range(size)]
+    size = len(matrix)
+    rows = [list(map(fmpz, row)) for row in matrix]
     previous = 1
     for k in range(size):
         pivot = rows[k][k]

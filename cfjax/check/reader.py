@@ -73,6 +73,14 @@ class Item:
             self.refuse(f"a whole number between {least} and {most}" if most < 10**9 else "a whole number")
         return self.value
 
+    def integers(self, count: int, least: int, most: int) -> tuple[int, ...]:
+        """So many whole numbers: the one kind of list that is long."""
+        values = self.value
+        if isinstance(values, list) and len(values) == count and set(map(type, values)) == {int}:
+            if least <= min(values) and max(values) <= most:
+                return tuple(values)
+        return tuple(entry.integer(least, most) for entry in self.items(count, count))
+
     def text(self) -> str:
         if not isinstance(self.value, str) or len(self.value) > LONGEST_TEXT or not TEXT.fullmatch(self.value):
             self.refuse(f"a name of at most {LONGEST_TEXT} plain characters")

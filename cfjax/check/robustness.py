@@ -57,7 +57,7 @@ from cfjax.check.held import (
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
-from cfjax.check.program import CellProof, Matrix
+from cfjax.check.program import CellProof, Gram
 from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
 from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
 from cfjax.check.reader import Broken
@@ -536,7 +536,7 @@ def _prove_levels(
 
 
 def _prove_sizes(
-    motion: HeldMotion, terms: Terms, cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Matrix, ...]]], effort: Budget
+    motion: HeldMotion, terms: Terms, cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Gram, ...]]], effort: Budget
 ) -> _Sizes:
     if len(motion.vertices) > MOST_VERTICES:
         raise Broken(f"robustness: the parameters have more than {MOST_VERTICES} vertices")
@@ -547,15 +547,17 @@ def _prove_sizes(
     speeds = [fmpq(0)] * len(motion.states)
     swiftness = fmpq(0)
     for vertex in range(len(motion.vertices)):
-        here = replace(motion)  # with a budget of its own
-        for order in here.orders(vertex):
+        motion.domain.budget.left = LARGEST_EFFORT  # each vertex has it to itself; all of a file's share another one
+        orders = motion.orders(vertex)
+        for order in orders:
             margin, grams = cells[order, vertex]
-            shown = here.proven_margin(CellProof(HeldCell(order, vertex), margin, grams))
+            shown = motion.proven_margin(CellProof(HeldCell(order, vertex), margin, grams))
             margins[order] = max(margins[order], -shown)
-        slopes = [max(pair) for pair in zip(slopes, here.slopes(vertex), strict=True)]
-        speeds = [max(pair) for pair in zip(speeds, here.speeds(vertex), strict=True)]
-        swiftness = max(swiftness, here.swiftness(vertex))
-        effort.spend(LARGEST_EFFORT - here.domain.budget.left)
+        if ORDERS[0] in orders:  # other vertices differ from such a one by what V' is looked at alone
+            slopes = [max(pair) for pair in zip(slopes, motion.steepness(vertex), strict=True)]
+            speeds = [max(pair) for pair in zip(speeds, motion.speeds(vertex), strict=True)]
+            swiftness = max(swiftness, motion.swiftness(vertex))
+        effort.spend(LARGEST_EFFORT - motion.domain.budget.left)
     piece = motion.piece
     own = abs(piece.timing[1]) * motion.parameters[TIMING][1] * swiftness
     return _Sizes(

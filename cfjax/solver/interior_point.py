@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Float, Int
 TOLERANCE = 1e-6  # duality gap, of the target's largest value: below, the Schur complement loses its digits
 PENALTY = 1e-6  # on the traces of Gram matrices: short ones cost less in rounding; λ is short by some 1e-7
 MOST_STEPS = 40
-TO_THE_EDGE = 0.95  # of the way to the cone's boundary
+TO_THE_EDGE = (0.8, 0.98)  # of the way to the cone's boundary: where no step is possible, and where a whole one is
 SMALLEST = 1e-300
 
 Blocks = tuple[Float[Array, "_ _ _"], ...]  # (k, m, m): stacks by degree
@@ -191,7 +191,9 @@ def solve_one(
         zero, nothing = jnp.zeros(()), jax.tree.map(jnp.zeros_like, grams)
         unset = _Step(zero, zero, jnp.zeros_like(moments), zero, nothing, nothing, zero, zero)
         *_, step = jax.lax.fori_loop(0, 2, predict_and_correct, (zero, nothing, zero, unset))
-        primal, dual = (jnp.minimum(1.0, TO_THE_EDGE * room) for room in (step.primal, step.dual))
+        least, most = TO_THE_EDGE
+        edge = least + (most - least) * jnp.minimum(1.0, jnp.minimum(step.primal, step.dual))
+        primal, dual = (jnp.minimum(1.0, edge * room) for room in (step.primal, step.dual))
         margin, slack = margin + primal * step.margin, slack + primal * step.slack
         moments, weight = moments + dual * step.moments, weight + dual * step.weight
         grams = tuple(_symmetric(q + primal * d) for q, d in zip(grams, step.grams, strict=True))

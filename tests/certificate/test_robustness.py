@@ -221,7 +221,7 @@ def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tu
             def first(z: jax.Array, u: jax.Array = u) -> jax.Array:
                 return jax.jvp(value, (z,), (rate(z, u),))[1]
 
-            orders = {1: (motion.first(vertex), first), 2: (motion.second(vertex), along_motion(first, rate, u))}
+            orders = {1: (motion.first.at(motion.vertices[vertex]).enclosure, first), 2: (motion.second.at(motion.vertices[vertex]).enclosure, along_motion(first, rate, u))}
             for order, (enclosure, exact) in orders.items():
                 left = float(enclosure.largest_remainder) + 1e-9
                 for y in rng.normal(size=(6, 4)):

@@ -23,9 +23,10 @@ def test_rounding_stays_near_and_is_exact_in_floats() -> None:
         whitening = np.array([[float(w) for w in row] for row in round_whitening(shape)])
         np.testing.assert_allclose(whitening @ shape @ whitening, np.eye(4), atol=1e-3)
         gram = shape / np.linalg.norm(shape)
-        exponent, lower = round_gram(gram, 1e-7)
-        entries = unpack_triangle([fmpq(entry, 2**exponent) for entry in lower], 4)
+        rounded_gram = round_gram(gram, 1e-7)
+        entries = unpack_triangle([fmpq(entry, 2**rounded_gram.exponent) for entry in rounded_gram.lower], 4)
         assert is_positive_definite(entries)
+        assert rounded_gram.whole == [[entry * 2**rounded_gram.exponent for entry in row] for row in entries]
         np.testing.assert_allclose([[float(e) for e in row] for row in entries], gram, atol=2e-7)
     assert float(round_rate(-0.123456789)) == pytest.approx(-0.123456789, rel=1e-9)
     assert round_rate(0.0) == 0

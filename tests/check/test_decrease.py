@@ -11,7 +11,7 @@ from flint import fmpq
 from cfjax.certificate.stretches import bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.check.decrease import SteadyDecrease, level_bounds, level_pieces
-from cfjax.check.program import monomials, quadratic_form
+from cfjax.check.program import Gram, monomials, quadratic_form
 from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Problem, affine_deviation, circle
@@ -145,11 +145,12 @@ def test_quadratic_forms_and_monomials() -> None:
     basis = monomials(4, 2)
     half = rng.integers(-9, 9, size=(len(basis), len(basis)))
     gram = half + half.T
-    polynomial = quadratic_form(decrease.ring, [[fmpq(int(entry)) for entry in row] for row in gram], basis)
+    lower = tuple(int(gram[i, j]) for i in range(len(basis)) for j in range(i + 1))
+    polynomial = quadratic_form(decrease.ring, Gram(3, lower), basis)
     for _ in range(10):
         y = rng.integers(-3, 4, size=4)
         z = np.array([int(np.prod([int(v) ** k for v, k in zip(y, e, strict=True)])) for e in basis])
-        assert polynomial(*(fmpq(int(v)) for v in y)) == fmpq(int(z @ gram @ z))
+        assert polynomial(*(fmpq(int(v)) for v in y)) == fmpq(int(z @ gram @ z), 2**3)
 
 
 def test_signs_are_read_off_what_the_identity_has_room_for() -> None:
