@@ -223,7 +223,9 @@ class HeldMotion(FunnelProgram):
     @cached_property
     def uphill(self) -> Parametric:
         """q̇."""
-        return self._total(self._exact(gradient) * rate for gradient, rate in zip(self.covector, self.moved, strict=True))
+        return self._total(
+            self._exact(gradient) * rate for gradient, rate in zip(self.covector, self.moved, strict=True)
+        )
 
     @cached_property
     def first(self) -> Parametric:

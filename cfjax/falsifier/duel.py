@@ -15,7 +15,7 @@ vehicle and template whatever the path, the sets and PF or TT; it draws no rando
 most of its compile time.
 """
 
-from functools import lru_cache, partial
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -29,6 +29,7 @@ from cfjax.funnel.conditions import chain_excess, decrease_margins
 from cfjax.funnel.instance import Chain, Instance
 from cfjax.problem import ReferencePoint, Vehicle, affine_deviation
 from cfjax.problem.vehicle import Scalar
+from cfjax.traced import traced
 
 
 ROUNDING = 0.1  # of |b_i|, per particle step and scale of the margin
@@ -108,16 +109,10 @@ def duel(
     particles: Particles,
 ) -> Outcome:
     """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
-    traced = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
-    program = _program(vehicle, template)
-    moved = program(chain, traced, scale, factor, change, *particles)
+    numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
+    moved = traced(_run, vehicle, template)(chain, numbers, scale, factor, change, *particles)
     factor, change, points, margins = map(np.asarray, moved)
     return Outcome(factor, change, particles._replace(points=points), margins)
-
-
-@lru_cache
-def _program(vehicle: Vehicle, template: Template):
-    return jax.jit(partial(_run, vehicle, template))
 
 
 def _normalised(points: Array) -> Array:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import export
 from jaxtyping import Array, Float, Int
 
 from cfjax.coerce import array, instances, objects, refuse, whole
@@ -38,6 +39,7 @@ from cfjax.simulation.loop import (
     sample_starts,
     start,
 )
+from cfjax.traced import traced
 
 
 STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at most twice as many
@@ -78,19 +80,22 @@ class Record(NamedTuple):
     value: Array
 
 
-@partial(jax.jit, static_argnames=("vehicle", "template", "law", "rows", "stride"))
+for _kind in (Cars, Driven, Record):
+    export.register_namedtuple_serialization(_kind, serialized_name=f"{_kind.__module__}.{_kind.__name__}")
+
+
 def drive(
     vehicle: Vehicle,
     template: Template,
     law: Law,
+    rows: int,
+    stride: int,
     legs: Legs,
     profiles: Pieces,
     obstacles: tuple[Pieces, Surroundings] | None,
     starts: Float[Array, "k n"],
-    limit: int | Int[Array, ""],
-    every: int | Int[Array, ""],
-    rows: int,
-    stride: int,
+    limit: Int[Array, ""],
+    every: Int[Array, ""],
 ) -> tuple[Driven, Record]:
     """All cars, driven until each has arrived, at most `limit` steps; `obstacles` come with the poses along the path.
 
@@ -261,7 +266,8 @@ def drive_cars(
     every = math.ceil(limit / MOST_ROWS)
     starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
     stride = max(1, cars // RECORDED)
-    driven = drive(problem.vehicle, template, law, table, profiles, around, starts, limit, every, MOST_ROWS + 1, stride)
+    program = traced(drive, problem.vehicle, template, law, MOST_ROWS + 1, stride)
+    driven = program(table, profiles, around, starts, limit, every)
     (last, _, clear), history = jax.tree.map(np.asarray, driven)
     rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)

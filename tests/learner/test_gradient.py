@@ -5,10 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from cfjax.falsifier.duel import Schedule, _program
+from cfjax.falsifier.duel import Schedule, _run
 from cfjax.funnel import TEMPLATES
 from cfjax.learner import learn
 from cfjax.problem import Box, Ellipsoid, Method, Problem, ball, circle, straight
+from cfjax.traced import traced
 
 
 S = Box((1.0, 1.0, 1.0, 3.0))
@@ -41,7 +42,7 @@ def test_one_program_serves_every_path_and_method() -> None:
     template, sizes = TEMPLATES["paper"], []
     for problem in (Problem(circle(), safe=S), Problem(straight(), method=Method.TT), Problem(circle(speed=3.0))):
         learn(problem, template)
-        sizes.append(_program(problem.vehicle, template)._cache_size())
+        sizes.append(len(traced(_run, problem.vehicle, template).programs))
     assert sizes[0] == sizes[1] == sizes[2]
 
 

@@ -1,0 +1,114 @@
+"""Programs that are traced once per machine."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import cfjax.traced
+from cfjax.control import MinNorm
+from cfjax.falsifier.duel import Schedule
+from cfjax.funnel.conditions import shell_points
+from cfjax.problem import KinematicBicycle
+from cfjax.traced import FOLDER, identity, traced
+from experiments.vehicles.unicycle import Unicycle
+
+
+calls: list[str] = []
+
+
+def doubled(name: str, values: tuple[jax.Array, int]) -> tuple[jax.Array, jax.Array]:
+    calls.append(name)
+    return 2 * values[0], jnp.asarray(values[1])
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty one; `doubled` counts as the package's own."""
+    monkeypatch.setattr(doubled, "__module__", "cfjax.doubled")
+    before = jax.config.read("jax_compilation_cache_dir")
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    traced.cache_clear()
+    calls.clear()
+    yield tmp_path / FOLDER
+    jax.config.update("jax_compilation_cache_dir", before)
+    traced.cache_clear()
+
+
+def is_right(name: str, size: int = 3) -> bool:
+    first, second = traced(doubled, name)((np.arange(size), 7))
+    return first.tolist() == [2 * k for k in range(size)] and int(second) == 7
+
+
+def test_a_program_is_traced_once_for_each_shape_and_static_value() -> None:
+    assert is_right("one")
+    assert is_right("one")
+    assert calls == ["one"]
+    assert is_right("one", size=5)
+    assert is_right("two")
+    assert calls == ["one", "one", "two"]
+
+
+def test_another_process_finds_it(cache: Path) -> None:
+    assert is_right("one")
+    traced.cache_clear()  # all that a process remembers
+    assert is_right("one")
+    assert calls == ["one"]
+    assert len(list(cache.iterdir())) == 1
+
+
+def test_other_code_is_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert is_right("one")
+    traced.cache_clear()
+    monkeypatch.setattr(cfjax.traced, "source_hash", lambda: "other")
+    assert is_right("one")
+    assert calls == ["one", "one"]
+
+
+@pytest.mark.parametrize("content", [b"", b"no program", None], ids=["empty", "something else", "cut"])
+def test_a_broken_file_is_written_again(cache: Path, content: bytes | None) -> None:
+    assert is_right("one")
+    (file,) = cache.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    traced.cache_clear()
+    assert is_right("one")
+    assert calls == ["one", "one"]
+    traced.cache_clear()
+    assert is_right("one")
+    assert calls == ["one", "one"]
+
+
+def test_a_folder_that_takes_nothing_is_no_matter(cache: Path) -> None:
+    cache.write_text("a file in its place")
+    assert is_right("one")
+
+
+def test_without_a_cache_it_is_compiled_all_the_same() -> None:
+    jax.config.update("jax_compilation_cache_dir", None)
+    assert is_right("one")
+
+
+def test_what_makes_a_difference_is_in_the_name() -> None:
+    assert identity(KinematicBicycle()) == identity(KinematicBicycle())
+    assert identity(KinematicBicycle()) != identity(KinematicBicycle(wheelbase=0.4))
+    assert identity((KinematicBicycle(), 3, shell_points, MinNorm)) is not None
+    assert identity(MinNorm()) != identity(MinNorm)
+    assert identity(1) != identity("1") != identity(True)
+
+
+def test_code_from_elsewhere_has_no_name(cache: Path) -> None:
+    @dataclass(frozen=True)
+    class Own(KinematicBicycle):
+        pass
+
+    assert identity(Unicycle()) is None
+    assert identity(Own()) is None
+    assert identity((Schedule, np.sin)) is None
+    assert identity(lambda: None) is None
+    traced(doubled, Unicycle())((np.arange(3), 7))
+    assert not cache.exists()
