@@ -154,9 +154,7 @@ def _is_dominated(matrix: Sequence[Sequence[int]]) -> bool:
     # L is that of 2^shift times the matrix
     left = fmpz_mat(matrix) * 2 ** max(shift, 0) - factor * factor.transpose() * 2 ** max(-shift, 0)
     squares = left * left  # on its diagonal, as the matrix is symmetric: the squares of a row
-    return all(
-        left[k, k] > 0 and left[k, k] ** 2 > (size - 1) * (squares[k, k] - left[k, k] ** 2) for k in range(size)
-    )
+    return all(left[k, k] > 0 and left[k, k] ** 2 > (size - 1) * (squares[k, k] - left[k, k] ** 2) for k in range(size))
 
 
 def _scaled(row: Sequence[int], shift: int) -> list[float]:
