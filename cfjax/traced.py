@@ -56,7 +56,7 @@ class _Traced:
             return self.function(*jax.tree.unflatten(tree, values))
 
         program = jax.jit(flat)
-        folder = jax.config.read("jax_compilation_cache_dir")
+        folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
         if folder is None or self.name is None:
             return program
         text = "\n".join([self.name, *map(str, shapes), source_hash(), jax.default_backend(), sys.version])

@@ -30,7 +30,7 @@ def doubled(name: str, values: tuple[jax.Array, int]) -> tuple[jax.Array, jax.Ar
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty one; `doubled` counts as the package's own."""
     monkeypatch.setattr(doubled, "__module__", "cfjax.doubled")
-    before = jax.config.read("jax_compilation_cache_dir")
+    before = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     jax.config.update("jax_compilation_cache_dir", str(tmp_path))
     traced.cache_clear()
     calls.clear()

@@ -19,6 +19,7 @@ Where r may jump at any time, as in a tube, V̇ at a reference r' that stays is 
 other, r: d/dt (∇V·f(x, u, r')) = 2 f(r)ᵀ C f(r') + ∇V·(∂f(r')/∂x) f(r). Turning rate and acceleration of r' are
 parameters of their own then (`asked:…`), and it is affine in each of the four.
 
+Both are polynomials in the parameters whose coefficients are computed once (`cfjax.check.parametric`).
 That B is a bound at a vertex is shown by sums of squares (`cfjax.check.program`), with q_lo ≤ q ≤ q_hi as constraints.
 """
 
@@ -223,9 +224,8 @@ class HeldMotion(FunnelProgram):
     @cached_property
     def uphill(self) -> Parametric:
         """q̇."""
-        return self._total(
-            self._exact(gradient) * rate for gradient, rate in zip(self.covector, self.moved, strict=True)
-        )
+        each = zip(self.covector, self.moved, strict=True)
+        return self._total(self._exact(gradient) * rate for gradient, rate in each)
 
     @cached_property
     def first(self) -> Parametric:

@@ -17,7 +17,7 @@ from itertools import count, product
 from math import isqrt
 from typing import Any
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax.check.enclosure import Domain
 from cfjax.check.rational import is_positive_definite, is_positive_definite_whole
@@ -195,15 +195,12 @@ def quadratic_form(ring: fmpq_mpoly_ctx, gram: Gram, basis: tuple[Exponents, ...
 
 
 @cache
-def _products(basis: tuple[Exponents, ...]) -> list[tuple[tuple[fmpz, ...], list[int], list[int]]]:
-    """Each monomial of z zᵀ with its places in the lower triangle, row by row: those beside and those on the diagonal.
-
-    Exponents are the library's numbers, in which it takes them faster.
-    """
+def _products(basis: tuple[Exponents, ...]) -> list[tuple[Exponents, list[int], list[int]]]:
+    """Each monomial of z zᵀ with its places in the lower triangle, row by row: beside the diagonal, and on it."""
     found: dict[Exponents, tuple[list[int], list[int]]] = {}
     places = count()
     for i, first in enumerate(basis):
         for j in range(i + 1):
             exponents = tuple(a + b for a, b in zip(first, basis[j], strict=True))
             found.setdefault(exponents, ([], []))[i == j].append(next(places))
-    return [(tuple(map(fmpz, exponents)), *own) for exponents, own in found.items()]
+    return [(exponents, *own) for exponents, own in found.items()]

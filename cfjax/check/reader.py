@@ -77,8 +77,9 @@ class Item:
         """So many whole numbers: the one kind of list that is long."""
         values = self.value
         if isinstance(values, list) and len(values) == count and set(map(type, values)) == {int}:
-            if least <= min(values) and max(values) <= most:
-                return tuple(values)
+            found = tuple(values)
+            if least <= min(found) and max(found) <= most:
+                return found
         return tuple(entry.integer(least, most) for entry in self.items(count, count))
 
     def text(self) -> str:

@@ -221,13 +221,17 @@ def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tu
             def first(z: jax.Array, u: jax.Array = u) -> jax.Array:
                 return jax.jvp(value, (z,), (rate(z, u),))[1]
 
-            orders = {1: (motion.first.at(motion.vertices[vertex]).enclosure, first), 2: (motion.second.at(motion.vertices[vertex]).enclosure, along_motion(first, rate, u))}
+            there = motion.vertices[vertex]
+            orders = {
+                1: (motion.first.at(there).enclosure, first),
+                2: (motion.second.at(there).enclosure, along_motion(first, rate, u)),
+            }
             for order, (enclosure, exact) in orders.items():
                 left = float(enclosure.largest_remainder) + 1e-9
                 for y in rng.normal(size=(6, 4)):
                     y = y / np.linalg.norm(y) * rng.uniform()
-                    there = float(exact(jnp.concatenate([jnp.zeros(1), jnp.asarray(whitening @ y)])))
-                    assert abs(at(enclosure.polynomial, y) - there) <= left
+                    true = float(exact(jnp.concatenate([jnp.zeros(1), jnp.asarray(whitening @ y)])))
+                    assert abs(at(enclosure.polynomial, y) - true) <= left
                 cell = HeldCell(order, vertex)
                 more = replace(motion, spare=motion.spare + 3)
                 assert motion.target(cell) - more.target(cell) == (3 if order == 2 else 0)

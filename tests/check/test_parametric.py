@@ -1,0 +1,39 @@
+"""Polynomials in parameters with enclosures as coefficients, against the same arithmetic at given parameters."""
+
+import pytest
+from flint import fmpq, fmpq_mpoly_ctx
+
+from cfjax.check.enclosure import Domain, Enclosure
+from cfjax.check.parametric import Parametric
+
+
+RING = fmpq_mpoly_ctx.get(["y0", "y1"], "degrevlex")
+DOMAIN = Domain(RING, fmpq(1))
+Y, Z = RING.gens()
+POINTS = ({"a": fmpq(-2, 3), "b": fmpq(5)}, {"a": fmpq(0), "b": fmpq(1, 7)})
+
+
+def test_a_combination_is_the_same_arithmetic_at_given_parameters() -> None:
+    rough = Enclosure(DOMAIN, Y * Z + Y / 3, (fmpq(1, 100), fmpq(0), fmpq(1, 50)))
+    exact = DOMAIN.exact(Z**3 - 2 * Y + 1)
+    a, b = (Parametric.parameter(DOMAIN, name) for name in "ab")
+    found = (a * Parametric.free(rough) - Parametric.free(exact)) * (b + a) + Parametric.free(rough)
+    for point in POINTS:
+        p, q = (DOMAIN.constant(point[name]) for name in "ab")
+        wanted = (p * rough - exact) * (q + p) + rough
+        combined = found.at(point)
+        assert combined.enclosure.polynomial == wanted.polynomial
+        assert combined.largest_remainder >= wanted.largest_remainder * (1 - fmpq(1, 10**30))
+        sizes = DOMAIN.sizes(wanted.polynomial)
+        for own, other in zip(combined.sizes(), sizes, strict=False):
+            assert float(own) == pytest.approx(float(other), rel=1e-30)
+        assert combined.sizes(above=1)[:2] == [0, 0]
+        other = found.renamed({"a": "b", "b": "a"}).at({"a": point["b"], "b": point["a"]})
+        assert other.enclosure.polynomial == wanted.polynomial
+
+
+def test_what_depends_on_a_parameter_is_no_constant() -> None:
+    a = Parametric.parameter(DOMAIN, "a")
+    assert (a - a).constant.polynomial == 0
+    with pytest.raises(ValueError, match="parameter that varies"):
+        _ = a.constant
