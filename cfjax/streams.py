@@ -40,6 +40,10 @@ class _Lasting:
     def flush(self) -> None:
         self._attempt(self._stream.flush)
 
+    def close(self) -> None:
+        """Leaves the stream open: who logs to it may close what is not `sys.stderr` any more, and it is still needed."""
+        self.flush()
+
     def _attempt(self, act: Any) -> None:
         try:
             act()

@@ -147,7 +147,8 @@ def test_one_input_for_all_references_costs_more_the_longer_a_stretch_is(bend: t
     ends = np.array([1, 128, 512])
     free, bound = each._margins(0, ends), one._margins(0, ends)
     assert bound[0] == pytest.approx(free[0], rel=0.02)
-    assert (bound <= free + 1e-9).all() and bound[0] > bound[1] > bound[2]
+    # both are found by a search that comes as near as a millionth, by another way on another processor
+    assert (bound <= free * (1 + 1e-5)).all() and bound[0] > bound[1] > bound[2]
     assert bound[2] < free[2] - 0.02
 
 

@@ -135,3 +135,13 @@ def test_a_folder_of_hydras_that_cannot_be_made(
 ) -> None:
     assert train("hydra.run.dir=here", "hydra.output_subdir=/dev/null/x") == 2
     assert capfd.readouterr().err == "error: /dev/null/x: cannot be written (Not a directory)\n"
+
+
+def test_who_logs_to_a_stream_does_not_close_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As absl's logging does, with streams that are not `sys.stderr` any more."""
+    with (tmp_path / "log").open("w") as stream:
+        monkeypatch.setattr(sys, "stderr", stream)
+        with lasting_streams():
+            sys.stderr.close()
+            print("still there", file=sys.stderr)
+    assert (tmp_path / "log").read_text() == "still there\n"
