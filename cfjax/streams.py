@@ -41,7 +41,7 @@ class _Lasting:
         self._attempt(self._stream.flush)
 
     def close(self) -> None:
-        """Leaves the stream open: who logs to it may close what is not `sys.stderr` any more, and it is still needed."""
+        """Leaves it open: who logs to it may close what is not `sys.stderr` any more, and it is still needed."""
         self.flush()
 
     def _attempt(self, act: Any) -> None:
