@@ -5,7 +5,7 @@ deviation; at given parameters it is a combination of them, one product of a vec
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
@@ -17,6 +17,7 @@ from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpz, fmpz_mat
 from cfjax.check.enclosure import (
     LARGEST_DEGREE,
     LONGEST_COEFFICIENT,
+    NO_REMAINDER,
     TOO_LARGE,
     Budget,
     Domain,
@@ -27,6 +28,9 @@ from cfjax.check.enclosure import (
 )
 from cfjax.check.rational import bits, sqrt_upper
 
+
+TERM_EFFORT = 64  # of each enclosure in a sum or a product, beside what its polynomial costs
+REMAINDERS = len(NO_REMAINDER)
 
 Powers = tuple[str, ...]  # parameters that are multiplied, sorted; one stands there as often as its power says
 Point = Mapping[str, fmpq]  # parameters by their names
@@ -50,31 +54,36 @@ class Parametric:
         return cls(domain, {(name,): domain.constant(fmpq(1))})
 
     def __add__(self, other: "Parametric") -> "Parametric":
-        total = dict(self.terms)
-        for powers, value in other.terms.items():
-            total[powers] = total[powers] + value if powers in total else value
-        return self._of(total)
+        return self._sum_of((*self.terms.items(), *other.terms.items()))
 
     def __neg__(self) -> "Parametric":
-        return Parametric(self.domain, {powers: -value for powers, value in self.terms.items()})
+        return self._sum_of((powers, -value) for powers, value in self.terms.items())
 
     def __sub__(self, other: "Parametric") -> "Parametric":
         return self + -other
 
     def __mul__(self, other: "Parametric") -> "Parametric":
-        total: dict[Powers, Enclosure] = {}
-        for (first, one), (second, two) in product(self.terms.items(), other.terms.items()):
-            powers, value = tuple(sorted(first + second)), one * two
-            total[powers] = total[powers] + value if powers in total else value
-        return self._of(total)
-
-    def _of(self, total: Mapping[Powers, Enclosure]) -> "Parametric":
-        return Parametric(self.domain, {powers: value for powers, value in total.items() if _says_something(value)})
+        pairs = product(self.terms.items(), other.terms.items())
+        return self._sum_of((first + second, one * two) for (first, one), (second, two) in pairs)
 
     def renamed(self, names: Mapping[str, str]) -> "Parametric":
         """The same of other parameters, for those that have another name."""
-        terms = self.terms.items()
-        return Parametric(self.domain, {tuple(sorted(names.get(name, name) for name in m)): e for m, e in terms})
+        return self._sum_of((tuple(names.get(name, name) for name in m), value) for m, value in self.terms.items())
+
+    def _sum_of(self, each: Iterable[tuple[Powers, Enclosure]]) -> "Parametric":
+        """Σ value Π powers, paid for out of the budget: an enclosure costs something where its polynomial is zero too.
+
+        Raises:
+            TooLarge: the budget is spent, or a power is higher than any proof needs.
+        """
+        total: dict[Powers, Enclosure] = {}
+        for parameters, value in each:
+            self.domain.budget.spend(TERM_EFFORT)
+            if len(parameters) > LARGEST_DEGREE:
+                raise TooLarge(TOO_LARGE)
+            powers = tuple(sorted(parameters))
+            total[powers] = total[powers] + value if powers in total else value
+        return Parametric(self.domain, {powers: value for powers, value in total.items() if _says_something(value)})
 
     @property
     def constant(self) -> Enclosure:
@@ -131,11 +140,11 @@ class _Table:
         length = self.longest + sum(map(bits, weights))  # of weights without a common denominator
         if length > LONGEST_COEFFICIENT:
             raise TooLarge(TOO_LARGE)
-        self.domain.budget.spend((len(weights) + 16) * len(self.monomials) * (1 + length // 512))
+        self.domain.budget.spend((len(weights) + 16) * (len(self.monomials) + REMAINDERS) * (1 + length // 512))
         row, denominator = fmpq_mat(1, len(weights), weights).numer_denom()
         first, second, third = (
             sum((abs(weight) * own[k] for weight, own in zip(weights, self.remainders, strict=True)), fmpq(0))
-            for k in range(3)
+            for k in range(REMAINDERS)
         )
         numerators = (row * self.matrix).entries()
         return Combination(self, numerators, denominator * self.denominator, (first, second, third))

@@ -1,9 +1,11 @@
 """Polynomials in parameters with enclosures as coefficients, against the same arithmetic at given parameters."""
 
+from math import comb
+
 import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
-from cfjax.check.enclosure import Domain, Enclosure
+from cfjax.check.enclosure import Domain, Enclosure, TooLarge
 from cfjax.check.parametric import Parametric
 
 
@@ -37,3 +39,36 @@ def test_what_depends_on_a_parameter_is_no_constant() -> None:
     assert (a - a).constant.polynomial == 0
     with pytest.raises(ValueError, match="parameter that varies"):
         _ = a.constant
+
+
+def test_parameters_that_become_one_are_added() -> None:
+    a, b = (Parametric.parameter(DOMAIN, name) for name in "ab")
+    assert (a + b + b).renamed({"a": "b"}).at({"b": fmpq(5)}).polynomial(0) == 15
+
+
+def test_what_says_nothing_but_a_remainder_is_paid_for() -> None:
+    """x - x for an x with a remainder: a polynomial that is zero, whose powers have more and more terms."""
+    domain = Domain(RING, fmpq(1))
+    rough = Parametric.free(Enclosure(domain, RING.constant(0), (fmpq(1, 10**8), fmpq(0), fmpq(0))))
+    powers = sum((Parametric.parameter(domain, name) * rough for name in "abcdefgh"), Parametric(domain, {}))
+    powers = powers * powers
+    spent = domain.budget.left
+    powers = powers * powers
+    assert len(powers.terms) == comb(4 + 7, 7)
+    assert spent - domain.budget.left >= 36**2
+    left = domain.budget.left
+    powers.at(dict.fromkeys("abcdefgh", fmpq(1)))
+    assert left - domain.budget.left >= len(powers.terms)
+    for grow in (lambda: powers * powers, lambda: powers + powers, lambda: -powers, lambda: powers.renamed({})):
+        domain.budget.left = 10_000  # less than any of them takes
+        with pytest.raises(TooLarge):
+            grow()
+
+
+def test_powers_of_a_parameter_end_somewhere() -> None:
+    power = Parametric.parameter(DOMAIN, "a")
+    for _ in range(5):
+        power = power * power  # up to a^32
+    assert power.at({"a": fmpq(2)}).polynomial(0) == 2**32
+    with pytest.raises(TooLarge):
+        _ = power * power
