@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from cfjax.check.enclosure import LARGEST_EFFORT, Budget, TooLarge
+from cfjax.check.enclosure import LARGEST_EFFORT, Budget, Enclosure, TooLarge
 from cfjax.check.graph import Graph, Node
 from cfjax.check.held import ASKED, HeldCell, HeldMotion, held_pieces
+from cfjax.check.parametric import Parametric
 from cfjax.check.program import CellProof
 from cfjax.check.reader import Broken
 from cfjax.check.robustness import _prove_sizes
@@ -115,9 +116,21 @@ def test_what_is_cut_off_is_left_out_of_the_target() -> None:
     assert cut
 
 
+def test_a_remainder_is_left_out_of_the_target_and_part_of_sizes() -> None:
+    held, rough = motion("paper", asked=False), motion("paper", asked=False)
+    domain, error = rough.domain, fmpq(1, 100)
+    vague = Parametric.free(Enclosure(domain, rough.ring.constant(0), (error, fmpq(0), fmpq(0))))
+    vars(rough)["first"] = held.first + vague * Parametric.parameter(domain, "input:w")
+    for vertex, at in enumerate(held.vertices):
+        cell, size = HeldCell(1, vertex), error * abs(at["input:w"])
+        gap = (held.target(cell) - rough.target(cell))(0, 0)
+        assert size <= gap <= size * (1 + fmpq(1, 10**30))
+        assert rough.swiftness(vertex) - held.swiftness(vertex) == gap
+
+
 def proven(held: Counted, effort: int = 10**9) -> tuple[Any, int]:
-    """What is made of margins −1, −2, … of the cells, and what is left of the effort."""
-    margins = {(cell.order, cell.vertex): (fmpq(-1 - k), ()) for k, cell in enumerate(held.cells())}
+    """What is made of margins −100, −99, … of the cells, and what is left of the effort."""
+    margins = {(cell.order, cell.vertex): (fmpq(k - 100), ()) for k, cell in enumerate(held.cells())}
     budget = Budget(effort)
     terms: Any = SimpleNamespace(wander=fmpq(0))
     return _prove_sizes(held, terms, margins, budget), budget.left
@@ -131,7 +144,7 @@ def test_sizes_are_the_largest_at_any_vertex(template: str) -> None:
     assert sum(cell.order == 1 for cell in cells) == 8  # where what is asked is the reference's own
     assert all(held.vertices[c.vertex][ASKED_TURN] == held.vertices[c.vertex][TURN] for c in cells if c.order == 1)
     for order, found in ((1, sizes.rise), (2, sizes.bend)):
-        assert found == 1 + max(k for k, cell in enumerate(cells) if cell.order == order)
+        assert found == 100 - min(k for k, cell in enumerate(cells) if cell.order == order)
     everywhere = range(len(held.vertices))
     held.domain.budget.left = 10**9
     assert list(sizes.slopes) == [max(each) for each in zip(*map(held.steepness, everywhere), strict=True)]
@@ -154,10 +167,11 @@ def test_each_vertex_has_a_budget_and_all_have_another_one() -> None:
 def test_a_cell_that_is_missing_is_noticed() -> None:
     held = motion("paper", asked=True)
     margins = {(cell.order, cell.vertex): (fmpq(0), ()) for cell in held.cells()}
+    terms: Any = SimpleNamespace(wander=fmpq(0))
     for key in [*margins, (1, 1)]:
         own = {other: value for other, value in margins.items() if other != key}
         with pytest.raises(Broken, match="cover"):
-            _prove_sizes(held, SimpleNamespace(), own if key in margins else margins | {key: (fmpq(0), ())}, Budget())
+            _prove_sizes(held, terms, own if key in margins else margins | {key: (fmpq(0), ())}, Budget())
 
 
 def test_asked_parameters_stand_for_the_references() -> None:

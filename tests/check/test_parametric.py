@@ -72,3 +72,16 @@ def test_powers_of_a_parameter_end_somewhere() -> None:
     assert power.at({"a": fmpq(2)}).polynomial(0) == 2**32
     with pytest.raises(TooLarge):
         _ = power * power
+
+
+def test_numbers_that_grow_too_long_are_refused() -> None:
+    a = Parametric.parameter(DOMAIN, "a")
+    a.at({"a": fmpq(1, 3**12_000)})
+    with pytest.raises(TooLarge):
+        a.at({"a": fmpq(1, 3**13_000)})
+    each = zip("abc", (3**5_000, 5**3_500, 7**3_000), strict=True)
+    apart = [Parametric.parameter(DOMAIN, n) * Parametric.free(DOMAIN.constant(fmpq(1, long))) for n, long in each]
+    point = dict.fromkeys("abc", fmpq(1))
+    assert (apart[0] + apart[1]).at(point).polynomial(0) == fmpq(1, 3**5_000) + fmpq(1, 5**3_500)
+    with pytest.raises(TooLarge):  # of the three together
+        sum(apart, Parametric(DOMAIN, {})).at(point)

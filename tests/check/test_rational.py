@@ -123,6 +123,10 @@ def test_a_rounded_factor_never_says_what_elimination_denies(monkeypatch: pytest
             if answer:
                 assert check_rational._has_positive_minors(whole)
     assert min(decided.values()) > 20
+    # without a factor a matrix has to be dominant itself, and strictly
+    monkeypatch.setattr(check_rational, "_cholesky", lambda rows: [[0.0] * len(row) for row in rows])
+    assert check_rational._is_dominated([[2**60 + 1, 2**60], [2**60, 2**60 + 1]])
+    assert not check_rational._is_dominated([[2**60, 2**60], [2**60, 2**60]])
     # a factor of somebody else's is no proof: of a matrix with the eigenvalues 1.6, 1.6 and -0.2, in units of 5 · 2^60
     not_definite = [[5 * 2**60 if i == j else -3 * 2**60 for j in range(3)] for i in range(3)]
     assert not check_rational._has_positive_minors(not_definite)
