@@ -8,7 +8,7 @@ planned (`cfjax.certificate.plan`), and one that falls short of it is halved.
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import comb
 from typing import Any
@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from cfjax.certificate.fit import enclose
+from cfjax.certificate.fit import DEGREES, SPARING, enclose
 from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
 from cfjax.certificate.rounding import round_rate, round_shape, round_whitening
 from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_funnel, write_stretch
-from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
+from cfjax.check.decrease import Cell, Extreme, SteadyDecrease, level_pieces
 from cfjax.check.document import MOST_MONOMIALS, CellKey
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
@@ -217,18 +217,37 @@ def decreases_on(
         enclosures={},
         degrees=(),
     )
+    try:
+        return _posed(question, extremes, degrees, DEGREES)
+    except TooLarge:
+        with contextlib.suppress(TooLarge):
+            return _posed(question, extremes, degrees, SPARING)
+        raise
+
+
+def _posed(
+    question: SteadyDecrease, extremes: Sequence[Extreme], degrees: tuple[int, ...], of_functions: Mapping[str, int]
+) -> list[SteadyDecrease]:
+    """The question at each of the references, functions being polynomials of these degrees.
+
+    Raises:
+        TooLarge, ValueError: as `decreases_on`.
+    """
     enclosures: dict[int, UnaryEnclosure] = {}
 
-    def fit_here(node: int, function: str, argument: Enclosure) -> Enclosure:
-        enclosures[node] = enclose(function, argument)
-        return argument.apply(enclosures[node])
+    def fit_here(node: int, function: str, argument: Enclosure) -> UnaryEnclosure:
+        enclosures[node] = enclose(function, argument, of_functions)
+        return enclosures[node]
 
     # functions are of the state alone wherever there is more than one reference: one enclosure fits all
-    question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
+    replace(question).rates({name: lower for name, (lower, _) in question.inputs.items()}, fit_here)
     questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
-    degrees = degrees or max(_gram_degrees(question) for question in questions)
-    _require_readable(len(states), degrees, sum(1 for _ in question.cells()))
-    return [replace(question, degrees=degrees) for question in questions]
+    needed = max(_gram_degrees(each) for each in questions)
+    if degrees and needed[0] > degrees[0]:
+        raise TooLarge(f"V' of degree {2 * needed[0]}, and the stretches before have one of {2 * degrees[0]}")
+    degrees = degrees or needed
+    _require_readable(len(question.states), degrees, sum(1 for _ in question.cells()))
+    return [replace(each, degrees=degrees) for each in questions]
 
 
 def _require_readable(states: int, degrees: tuple[int, ...], cells: int) -> None:
@@ -254,7 +273,8 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
 
     An authority of a high degree is cut, for its Gram matrix to have more than a constant.
     """
-    order = -(-max(int(question.target(cell).total_degree()) for cell in question.cells()) // 2)
+    sides = (side for cell in question.cells() for side in (question.target(cell), question.drop(cell)))
+    order = -(-max(int(side.total_degree()) for side in sides) // 2)
     slopes = [
         max(int(question.authority(piece, name).total_degree()) for piece in question.pieces)
         for name in question.free_inputs
