@@ -14,7 +14,7 @@ from cfjax.check.enclosure import Enclosure, UnaryEnclosure, proven_bound
 
 # with sin to the third and cos to the fourth power, V̇ is of degree six: what the sums of squares are made for
 DEGREES = {"sin": 3, "cos": 4, "tan": 3, "sqrt": 3, "inv": 3}
-SPARING = DEGREES | {"cos": 2}  # where a rate's denominator of degree one makes it seven
+SPARING = DEGREES | {"cos": 2}  # where V' times a denominator is to be of no higher degree than V' was
 FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt, "inv": np.reciprocal}
 PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}
 SAMPLES = 64  # Chebyshev nodes
@@ -38,7 +38,7 @@ def enclose(function: str, argument: Enclosure, degrees: Mapping[str, int] = DEG
 
 
 def fit(function: str, lower: fmpq, upper: fmpq, degree: int | None = None) -> tuple[fmpq, ...]:
-    """Coefficients (ascending) of a nearly best polynomial of a degree (that of DEGREES unless given), short dyadic rationals."""
+    """Coefficients (ascending) of a nearly best polynomial, short dyadic rationals; of DEGREES unless one is given."""
     low, high = float(lower), float(upper)
     if function == "inv" and low <= 0 <= high:
         raise ValueError("inv has a pole in the range of its argument: division by what may be zero in the funnel")

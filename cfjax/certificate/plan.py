@@ -50,15 +50,25 @@ def plan(
     """
     planner = _Planner(problem, segment, funnel, is_smooth)
     wanted = target if planner.speed.min() > 0 else 0.0
-    while wanted >= LEAST_SHARE * target:
+    good: Plan | None = None
+    failing = step = None
+    while wanted > 0 and wanted >= LEAST_SHARE * target:
         ends, shortest = planner.ends(spare * wanted, most)
-        if not ends and shortest < spare * wanted:  # a cell alone: what it has is the most that can be had
+        if ends:
+            good = Plan(ends, wanted)
+        elif good is None and shortest < spare * wanted:  # a cell alone: what it has is the most that can be had
             wanted = shortest / spare * ALMOST
-        elif not ends:
-            wanted *= LOWER
+            continue
         else:
-            return Plan(ends, wanted)
-    return Plan(tuple(CELLS * (k + 1) // most for k in range(most)), 0.0)
+            failing = wanted
+        if good is None:  # attempts take seconds: each goes further down than the one before
+            step = LOWER if step is None else step**2
+            wanted *= step
+        elif failing is None or good.target >= LOWER * failing:
+            break
+        else:
+            wanted = (good.target * failing) ** 0.5
+    return good or Plan(tuple(CELLS * (k + 1) // most for k in range(most)), 0.0)
 
 
 @dataclass

@@ -217,36 +217,30 @@ def decreases_on(
         enclosures={},
         degrees=(),
     )
-    try:
-        return _posed(question, extremes, degrees, DEGREES)
-    except TooLarge:
-        with contextlib.suppress(TooLarge):
-            return _posed(question, extremes, degrees, SPARING)
-        raise
+    standard = _posed(question, extremes, DEGREES)
+    if "inv" in graph.functions_of(states).values():  # V' is multiplied by it: cosines give that degree back
+        sparing = _posed(question, extremes, SPARING)
+        standard = min(standard, sparing, key=lambda questions: questions[0].degrees[0])
+    needed = standard[0].degrees
+    if degrees and needed[0] > degrees[0]:
+        raise TooLarge(f"V' of degree {2 * needed[0]}, where the stretches before have one of {2 * degrees[0]}")
+    degrees = degrees or needed
+    _require_readable(len(states), degrees, sum(1 for _ in question.cells()))
+    return [replace(each, degrees=degrees) for each in standard]
 
 
-def _posed(
-    question: SteadyDecrease, extremes: Sequence[Extreme], degrees: tuple[int, ...], of_functions: Mapping[str, int]
-) -> list[SteadyDecrease]:
-    """The question at each of the references, functions being polynomials of these degrees.
-
-    Raises:
-        TooLarge, ValueError: as `decreases_on`.
-    """
+def _posed(question: SteadyDecrease, extremes: Sequence[Extreme], functions: Mapping[str, int]) -> list[SteadyDecrease]:
+    """The question at each of the references, functions being polynomials of these degrees."""
     enclosures: dict[int, UnaryEnclosure] = {}
 
     def fit_here(node: int, function: str, argument: Enclosure) -> UnaryEnclosure:
-        enclosures[node] = enclose(function, argument, of_functions)
+        enclosures[node] = enclose(function, argument, functions)
         return enclosures[node]
 
     # functions are of the state alone wherever there is more than one reference: one enclosure fits all
     replace(question).rates({name: lower for name, (lower, _) in question.inputs.items()}, fit_here)
     questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
-    needed = max(_gram_degrees(each) for each in questions)
-    if degrees and needed[0] > degrees[0]:
-        raise TooLarge(f"V' of degree {2 * needed[0]}, and the stretches before have one of {2 * degrees[0]}")
-    degrees = degrees or needed
-    _require_readable(len(question.states), degrees, sum(1 for _ in question.cells()))
+    degrees = max(_gram_degrees(each) for each in questions)
     return [replace(each, degrees=degrees) for each in questions]
 
 

@@ -17,10 +17,10 @@ a cell
 
 where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos; what the Gram matrices then prove, `cfjax.check.program` says.
 
-Where the rates divide by something, F_u is a quotient with a denominator D > 0 (`cfjax.check.quotient`), and D F_u ≥ λ D
-drop is shown in its place: p_u then stands for D F_u. On a cell the sums of squares are those of D F_u − λ p_D drop, with
-the polynomial p_D of D, |D − p_D| ≤ δ; so F_u ≥ λ (p_D/D) drop − |r|/D, where D is at least a number that is known, and
-p_D/D is 1 but for δ/D.
+Where the rates divide by something, F_u is a quotient with a denominator D > 0 (`cfjax.check.quotient`), and D F_u
+takes its place: p_u − ε stands for that, and p_D drop for drop, p_D being the polynomial of D, |D − p_D| ≤ δ. What is
+shown is D F_u ≥ λ p_D drop + r, so F_u ≥ λ (p_D/D) drop − |r|/D, where D is at least a number that is known and p_D/D
+is 1 but for δ/D.
 """
 
 from collections.abc import Iterator, Mapping
@@ -144,7 +144,7 @@ class SteadyDecrease(FunnelProgram):
     def rates(
         self, inputs: Mapping[str, fmpq], unary_of: UnaryOf, profile: Mapping[str, fmpq] | None = None
     ) -> list[Quotient]:
-        """The deviation's rate ẋ at constant inputs; `unary_of` gives the enclosure of a node that applies a function."""
+        """The deviation's rate ẋ at constant inputs; `unary_of` encloses the function that a node applies."""
         profile = self.extreme.profile if profile is None else profile
         values = {name: Quotient(self.domain.exact(x)) for name, x in zip(self.states, self.deviations, strict=True)}
         values |= {f"reference:{name}": self._number(value) for name, value in profile.items()}

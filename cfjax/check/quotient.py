@@ -11,7 +11,7 @@ from functools import cached_property
 from math import prod
 from typing import NamedTuple
 
-from flint import fmpq, fmpq_mpoly
+from flint import fmpq
 
 from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
 
@@ -113,14 +113,19 @@ class Quotient:
         return found
 
     def reduced(self) -> "Quotient":
-        """Without divisors whose polynomials divide the numerator's: of polynomials alone, as remainders are left out."""
+        """Without divisors whose polynomials divide the numerator's.
+
+        Remainders are left out: it stands for a function of which nothing is claimed.
+        """
         polynomial, powers = self.numerator.polynomial, dict(self.powers)
         for node, (divisor, exponent) in self.powers.items():
             left = exponent
             while left and (whole := self._domain.divided(polynomial, divisor.value.polynomial)) is not None:
                 polynomial, left = whole, left - 1
             powers[node] = Power(divisor, left)
-        return Quotient(self._domain.exact(polynomial), {node: power for node, power in powers.items() if power.exponent})
+        return Quotient(
+            self._domain.exact(polynomial), {node: power for node, power in powers.items() if power.exponent}
+        )
 
 
 UnaryOf = Callable[[int, str, Enclosure], UnaryEnclosure]  # of a node that applies a named function to an argument

@@ -2,7 +2,7 @@
 
     python -m cfjax.train +path=circle vehicle=custom \
         vehicle.target=experiments.vehicles.dynamic_single_track.DynamicSingleTrack \
-        'sets.inlet=[0.2,0.2,0.2,0.2,0.1,0.5]' 'sets.goal=[0.5,0.5,0.5,0.5,0.5,2]' sets.safe=null
+        'sets.inlet=[0.2,0.2,0.2,0.2,0.1,0.5]' 'sets.goal=[0.5,0.5,0.5,0.5,0.5,2]' 'sets.safe=[1,1,1,1,0.5,3]'
 
 The single-track (bicycle) model with linear tyres, about the centre of gravity, as in Rajamani, Vehicle Dynamics and
 Control, ch. 2: with the speeds v_x along the body and v_y across it (m/s, to the left), the yaw rate r (rad/s) and the
@@ -11,8 +11,9 @@ steering angle δ (rad)
     m (v̇_y + v_x r) = F_f + F_r,      I_z ṙ = l_f F_f − l_r F_r,
     F_f = C_f (δ − (v_y + l_f r)/v_x),      F_r = −C_r (v_y − l_r r)/v_x,
 
-and v̇_x = thrust. Small angles are taken for their tangents, and the front tyres push across the body. Numbers are those of
-the F1TENTH car. It says nothing of a tyre that slides: on a path it asks for v ω m/2 of each axle, roughly.
+and v̇_x = thrust + v_y r. Small angles are taken for their tangents, and the front tyres push across the body. The
+numbers are those of the F1TENTH car. A tyre that slides is no part of the model: its force grows with the slip angle
+without end.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from cfjax.problem import Interval, Twist, Vehicle
 
 @dataclass(frozen=True)
 class DynamicSingleTrack(Vehicle):
-    """States v_x, v_y and yaw rate beside the pose; inputs are the steering angle and v̇_x."""
+    """States v_x, v_y and yaw rate beside the pose; inputs are the steering angle and the thrust over the mass."""
 
     mass: float = 3.74  # kg
     inertia: float = 0.04712  # kg m², about the vertical axis
