@@ -262,7 +262,7 @@ def test_a_funnel_that_is_wider_in_speed_than_proven_is_refused(document: Docume
     document["problem"]["path"]["pieces"][0]["speed"] = [str(2 - low)]
     document["proofs"]["decrease"][0]["stretches"][0]["bounds"]["speed"] = [str(2 - low)] * 2
     assert refused(document, "the argument of inv reaches from")
-    tell(document, node, fmpq(1, 20), fmpq(5))
+    tell(document, node, fmpq(1, 10), fmpq(5))
     assert refused(document, "the argument of inv reaches from")
     # a wider funnel, in coordinates that fit it
     document = json.loads(text)
