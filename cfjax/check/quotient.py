@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
+from cfjax.check.enclosure import LARGEST_DEGREE, TOO_LARGE, Domain, Enclosure, TooLarge, UnaryEnclosure
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,10 @@ class Quotient:
     def __mul__(self, other: "Quotient") -> "Quotient":
         powers = dict(self.powers)
         for node, power in other.powers.items():
-            before = powers[node].exponent if node in powers else 0
-            powers[node] = Power(power.divisor, before + power.exponent)
+            exponent = power.exponent + (powers[node].exponent if node in powers else 0)
+            if exponent > LARGEST_DEGREE:  # of nothing over it, say, which costs nothing else
+                raise TooLarge(TOO_LARGE)
+            powers[node] = Power(power.divisor, exponent)
         return Quotient(self.numerator * other.numerator, powers)
 
     def _common(self, other: "Quotient") -> dict[int, Power]:

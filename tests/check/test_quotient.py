@@ -11,7 +11,7 @@ from flint import arb, fmpq, fmpq_mpoly_ctx
 from cfjax.certificate import certify, dump
 from cfjax.certificate.fit import enclose, fit
 from cfjax.check import Outcome, check_document
-from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure, proven_bound
+from cfjax.check.enclosure import Domain, Enclosure, TooLarge, UnaryEnclosure, proven_bound
 from cfjax.check.program import RADIUS_SLACK
 from cfjax.check.quotient import Quotient, applied
 from cfjax.funnel import Funnel, template_named
@@ -134,6 +134,18 @@ def test_a_denominator_that_may_be_zero_is_refused(domain: Domain, constant: fmp
             object.__setattr__(forged, name, value)
         with pytest.raises(ValueError, match="divided by what may be zero"):
             applied(0, "inv", below, lambda *_, forged=forged: forged)
+
+
+def test_a_denominator_grows_no_further_than_a_polynomial(domain: Domain) -> None:
+    """Squared as often as a graph has nodes, below nothing at all."""
+    power = Quotient(domain.constant(fmpq(0))) * one_over(0, Quotient(domain.exact(domain.ring.gens()[0] + 2)))
+
+    def grow(power: Quotient) -> None:
+        for _ in range(400):
+            power = power * power
+
+    with pytest.raises(TooLarge, match="grows beyond"):
+        grow(power)
 
 
 def test_a_remainder_that_reaches_zero_is_refused(domain: Domain) -> None:
