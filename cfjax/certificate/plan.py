@@ -24,7 +24,7 @@ CELLS = 1024  # of a segment: stretches begin and end between them
 BATCH = 16  # ends that are tried at once, all in one program
 NEAR_ENOUGH = 1 / 16  # of a stretch's length, by which it may be shorter than the longest
 LOWER = 0.97  # of a target that needs too many stretches: near enough
-MOST_ATTEMPTS = 3  # at a better target than that of equal parts: each takes seconds, with five states a minute
+MOST_ATTEMPTS = 1  # at a better target than that of equal parts: with five states each takes a minute
 ALMOST = 0.995  # of the margin of a cell that falls short of the target
 LEAST_SHARE = 0.3  # of the target asked: below, shorter stretches are not what is missing
 

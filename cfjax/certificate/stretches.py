@@ -19,7 +19,7 @@ from flint import fmpq
 from cfjax.certificate.fit import DEGREES, SPARING, enclose
 from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
-from cfjax.certificate.rounding import round_rate, round_shape, round_whitening
+from cfjax.certificate.rounding import GRAM_BITS, round_rate, round_shape, round_whitening
 from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_funnel, write_stretch
 from cfjax.check.decrease import Cell, Extreme, SteadyDecrease, level_pieces
@@ -254,7 +254,8 @@ def _require_readable(states: int, degrees: tuple[int, ...], cells: int) -> None
     size = f"V' of degree {2 * degrees[0]} in {states} states takes"
     if max(rows) > MOST_MONOMIALS:
         raise TooLarge(f"{size} Gram matrices of {max(rows)} rows, and a checker reads at most {MOST_MONOMIALS}")
-    effort = cells * sum(count**3 for count in rows)  # of their definiteness alone (`proven_margin`)
+    # of their definiteness alone (`proven_margin`)
+    effort = cells * sum(count**3 * (1 + count * GRAM_BITS // 2048) for count in rows)
     if effort > LARGEST_EFFORT:
         raise TooLarge(
             f"{size} {cells} times {len(rows)} Gram matrices of up to {max(rows)} rows: {effort / 1e6:.0f} million "
