@@ -251,7 +251,7 @@ def test_a_car_with_tyres_is_certified_and_driven(
     assert "Deviations (alpha, x, y, v_x, v_y, yaw_rate)" in report.message
     assert "speed 1.5707963267948966 m/s" in report.message
     result = json.loads((tmp_path / "here" / "result.json").read_text())
-    assert result["margin_certified"] > 1.5
+    assert result["margin"]["certified"] > 1.5
     assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
 
 
