@@ -23,8 +23,8 @@ from cfjax.problem import Interval, Problem, Segment, Tube
 CELLS = 1024  # of a segment: stretches begin and end between them
 BATCH = 16  # ends that are tried at once, all in one program
 NEAR_ENOUGH = 1 / 16  # of a stretch's length, by which it may be shorter than the longest
-LOWER = 0.97  # of a target that needs too many stretches: near enough
-MOST_ATTEMPTS = 1  # at a better target than that of equal parts: with five states each takes a minute
+LOWER, NEAR = 0.97, 0.8  # of a target that needs too many stretches: near enough; so near that it is tried
+MOST_ATTEMPTS = 2  # at a better target than that of equal parts: with five states each takes a minute
 ALMOST = 0.995  # of the margin of a cell that falls short of the target
 LEAST_SHARE = 0.3  # of the target asked: below, shorter stretches are not what is missing
 
@@ -70,10 +70,11 @@ def _even(count: int) -> tuple[int, ...]:
 def _below(planner: "_Planner", failing: float, least: float, spare: float, most: int) -> Plan:
     """A plan for a lower target than one that needs too many stretches: at least what equal parts reach can be had."""
     good = Plan(_even(most), planner.margin(_even(most)) / spare)
-    for _ in range(MOST_ATTEMPTS):
+    near = good.target >= NEAR * failing  # then a little lower may do
+    for attempt in range(MOST_ATTEMPTS):
         if good.target >= LOWER * failing:
             break
-        wanted = (max(good.target, least) * failing) ** 0.5
+        wanted = LOWER * failing if near and not attempt else (max(good.target, least) * failing) ** 0.5
         ends, _ = planner.ends(spare * wanted, most)
         if ends:
             good = Plan(ends, wanted)
