@@ -17,19 +17,28 @@ from cfjax.certificate.stretches import NotProven
 from cfjax.check.reader import Broken
 from cfjax.check.replay import check_document, check_robustness
 from cfjax.conf import preset, problem_of
-from cfjax.problem import Box, KinematicBicycle, ball
+from cfjax.problem import Box, Ellipsoid, KinematicBicycle, ball
 from cfjax.report.lines import AT_LEAST, markdown, write_lines
 from cfjax.report.rounded import MILLI, NOTHING, rounded_down
 from cfjax.result import Result
 from cfjax.synthesis import drive, search
+from experiments.vehicles.dynamic_single_track import DynamicSingleTrack
 from experiments.vehicles.front_axle import FrontAxleCar
 from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
 
 
-VEHICLES: tuple[Vehicle, ...] = (KinematicBicycle(), Unicycle(), FrontAxleCar(), SteeredCar())
+VEHICLES: tuple[Vehicle, ...] = (KinematicBicycle(), Unicycle(), FrontAxleCar(), SteeredCar(), DynamicSingleTrack())
 PATHS = ("straight", "circle", "ellipse")
-STEERED = {"inlet": ball(0.2, 5), "goal": ball(0.6, 5), "safe": Box((1.0, 1.0, 1.0, 3.0, 0.7))}  # five states
+# of those that have more states than a path's preset
+SETS = {
+    "steered_car": {"inlet": ball(0.2, 5), "goal": ball(0.6, 5), "safe": Box((1.0, 1.0, 1.0, 3.0, 0.7))},
+    "dynamic_single_track": {
+        "inlet": Ellipsoid((0.2, 0.2, 0.2, 0.2, 0.1, 0.5)),
+        "goal": Ellipsoid((0.5, 0.5, 0.5, 0.5, 0.5, 2.0)),
+        "safe": Box((1.0, 1.0, 1.0, 1.0, 0.5, 3.0)),
+    },
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,9 +56,8 @@ class Line:
 
 def run(vehicle: Vehicle, path: str, method: str, cars: int) -> Line | None:
     asked = problem_of(preset(path, [f"method={method}"]))
-    sets = STEERED if isinstance(vehicle, SteeredCar) else {}
     try:
-        problem = dataclasses.replace(asked, vehicle=vehicle, **sets)
+        problem = dataclasses.replace(asked, vehicle=vehicle, **SETS.get(vehicle.name, {}))
         result = search(problem, Options(cars=cars))
     except (InputError, Broken) as error:
         print(f"{vehicle.name}, {path}: {error}", flush=True)

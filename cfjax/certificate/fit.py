@@ -1,6 +1,7 @@
 """Polynomials for the functions in a vehicle's dynamics: fitted here, proven by the checker's arithmetic."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from flint import fmpq
@@ -13,6 +14,7 @@ from cfjax.check.enclosure import Enclosure, UnaryEnclosure, proven_bound
 
 # with sin to the third and cos to the fourth power, V̇ is of degree six: what the sums of squares are made for
 DEGREES = {"sin": 3, "cos": 4, "tan": 3, "sqrt": 3, "inv": 3}
+SPARING = DEGREES | {"cos": 2}  # where V' times a denominator is to be of no higher degree than V' was
 FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt, "inv": np.reciprocal}
 PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}
 SAMPLES = 64  # Chebyshev nodes
@@ -21,8 +23,8 @@ RANGE_BITS = 16
 COEFFICIENT_BITS = 26
 
 
-def enclose(function: str, argument: Enclosure) -> UnaryEnclosure:
-    """A proven enclosure of the function on the range that its argument reaches.
+def enclose(function: str, argument: Enclosure, degrees: Mapping[str, int] = DEGREES) -> UnaryEnclosure:
+    """A proven enclosure of the function on the range that its argument reaches, by a polynomial of its degree.
 
     Raises:
         ValueError: where the range holds a pole.
@@ -31,19 +33,19 @@ def enclose(function: str, argument: Enclosure) -> UnaryEnclosure:
     spare = (upper - lower) * WIDENING + fmpq(1, 2**RANGE_BITS)
     low = fmpq(math.floor((lower - spare) * 2**RANGE_BITS), 2**RANGE_BITS)
     high = fmpq(math.ceil((upper + spare) * 2**RANGE_BITS), 2**RANGE_BITS)
-    coefficients = fit(function, low, high)
+    coefficients = fit(function, low, high, degrees[function])
     return UnaryEnclosure(function, coefficients, low, high, proven_bound(function, coefficients, low, high))
 
 
-def fit(function: str, lower: fmpq, upper: fmpq) -> tuple[fmpq, ...]:
-    """Coefficients (ascending) of a nearly best polynomial, short dyadic rationals."""
+def fit(function: str, lower: fmpq, upper: fmpq, degree: int | None = None) -> tuple[fmpq, ...]:
+    """Coefficients (ascending) of a nearly best polynomial, short dyadic rationals; of DEGREES unless one is given."""
     low, high = float(lower), float(upper)
     if function == "inv" and low <= 0 <= high:
         raise ValueError("inv has a pole in the range of its argument: division by what may be zero in the funnel")
     if function == "sqrt" and low <= 0:
         raise ValueError("sqrt of what may not be positive in the funnel")
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
-    series = Chebyshev.fit(nodes, FUNCTIONS[function](nodes), DEGREES[function], domain=[low, high])
+    series = Chebyshev.fit(nodes, FUNCTIONS[function](nodes), degree or DEGREES[function], domain=[low, high])
     fitted = series.convert(kind=Polynomial).coef
     if lower == -upper:
         fitted = [c if k % 2 == PARITY[function] else 0.0 for k, c in enumerate(fitted)]

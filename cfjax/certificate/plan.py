@@ -6,6 +6,8 @@ stretch costs a hundredth of its proof and is nearly what the proof shows; where
 alone decides, falls short, and the stretch is cut again (`cfjax.certificate.stretches`).
 """
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,7 +23,8 @@ from cfjax.problem import Interval, Problem, Segment, Tube
 CELLS = 1024  # of a segment: stretches begin and end between them
 BATCH = 16  # ends that are tried at once, all in one program
 NEAR_ENOUGH = 1 / 16  # of a stretch's length, by which it may be shorter than the longest
-LOWER = 0.97  # of the target, where too many stretches would be needed
+LOWER, NEAR = 0.97, 0.8  # of a target that needs too many stretches: near enough; so near that it is tried
+MOST_ATTEMPTS = 2  # at a better target than that of equal parts: with five states each takes a minute
 ALMOST = 0.995  # of the margin of a cell that falls short of the target
 LEAST_SHARE = 0.3  # of the target asked: below, shorter stretches are not what is missing
 
@@ -49,16 +52,35 @@ def plan(
     there: the proof then says between which θ. Of a smooth segment a stretch has bounds of the curvature's rate too.
     """
     planner = _Planner(problem, segment, funnel, is_smooth)
-    wanted = target if planner.speed.min() > 0 else 0.0
-    while wanted >= LEAST_SHARE * target:
+    wanted, least = target if planner.speed.min() > 0 else 0.0, LEAST_SHARE * target
+    while wanted > 0 and wanted >= least:
         ends, shortest = planner.ends(spare * wanted, most)
-        if not ends and shortest < spare * wanted:  # a cell alone: what it has is the most that can be had
-            wanted = shortest / spare * ALMOST
-        elif not ends:
-            wanted *= LOWER
-        else:
+        if ends:
             return Plan(ends, wanted)
-    return Plan(tuple(CELLS * (k + 1) // most for k in range(most)), 0.0)
+        if shortest >= spare * wanted:
+            return _below(planner, wanted, least, spare, most)
+        wanted = shortest / spare * ALMOST  # a cell alone: what it has is the most that can be had
+    return Plan(_even(most), 0.0)
+
+
+def _even(count: int) -> tuple[int, ...]:
+    return tuple(CELLS * (k + 1) // count for k in range(count))
+
+
+def _below(planner: "_Planner", failing: float, least: float, spare: float, most: int) -> Plan:
+    """A plan for a lower target than one that needs too many stretches: at least what equal parts reach can be had."""
+    good = Plan(_even(most), planner.margin(_even(most)) / spare)
+    near = good.target >= NEAR * failing  # then a little lower may do
+    for attempt in range(MOST_ATTEMPTS):
+        if good.target >= LOWER * failing:
+            break
+        wanted = LOWER * failing if near and not attempt else (max(good.target, least) * failing) ** 0.5
+        ends, _ = planner.ends(spare * wanted, most)
+        if ends:
+            good = Plan(ends, wanted)
+        else:
+            failing = wanted
+    return good if good.target >= least else Plan(_even(most), 0.0)
 
 
 @dataclass
@@ -108,13 +130,20 @@ class _Planner:
                 break
         return good
 
+    def margin(self, ends: Sequence[int]) -> float:
+        """The least of all stretches of a plan."""
+        return float(min(self._of_stretches(list(itertools.pairwise((0, *ends))))))
+
     def _margins(self, begin: int, ends: Int[np.ndarray, " e"]) -> Float[np.ndarray, " e"]:
-        new = [end for end in map(int, ends) if (begin, end) not in self.known]
-        if new:
-            stretches = [self._stretch(begin, end) for end in [*new, *new[-1:] * (BATCH - len(new))]]
-            found = stretch_margins(self.problem, self.segment, self.funnel, stretches)
-            self.known |= {(begin, end): float(margin) for end, margin in zip(new, found, strict=False)}
-        return np.array([self.known[begin, int(end)] for end in ends])
+        return self._of_stretches([(begin, end) for end in map(int, ends)])
+
+    def _of_stretches(self, stretches: Sequence[tuple[int, int]]) -> Float[np.ndarray, " e"]:
+        unknown = [each for each in stretches if each not in self.known]
+        for new in (unknown[k : k + BATCH] for k in range(0, len(unknown), BATCH)):
+            batch = [self._stretch(*each) for each in [*new, *new[-1:] * (BATCH - len(new))]]
+            found = stretch_margins(self.problem, self.segment, self.funnel, batch)
+            self.known |= {each: float(margin) for each, margin in zip(new, found, strict=False)}
+        return np.array([self.known[each] for each in stretches])
 
     def _stretch(self, begin: int, end: int) -> Stretch:
         def range_of(values: Float[np.ndarray, " c"]) -> Interval:

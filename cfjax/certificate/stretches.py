@@ -8,7 +8,7 @@ planned (`cfjax.certificate.plan`), and one that falls short of it is halved.
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import comb
 from typing import Any
@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from cfjax.certificate.fit import enclose
+from cfjax.certificate.fit import DEGREES, SPARING, enclose
 from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
-from cfjax.certificate.rounding import round_rate, round_shape, round_whitening
+from cfjax.certificate.rounding import GRAM_BITS, round_rate, round_shape, round_whitening
 from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_funnel, write_stretch
-from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
+from cfjax.check.decrease import Cell, Extreme, SteadyDecrease, level_pieces
 from cfjax.check.document import MOST_MONOMIALS, CellKey
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
@@ -217,18 +217,31 @@ def decreases_on(
         enclosures={},
         degrees=(),
     )
+    standard = _posed(question, extremes, DEGREES)
+    if "inv" in graph.functions_of(states).values():  # V' is multiplied by it: cosines give that degree back
+        sparing = _posed(question, extremes, SPARING)
+        standard = min(standard, sparing, key=lambda questions: questions[0].degrees[0])
+    needed = standard[0].degrees
+    if degrees and needed[0] > degrees[0]:
+        raise TooLarge(f"V' of degree {2 * needed[0]}, where the stretches before have one of {2 * degrees[0]}")
+    degrees = degrees or needed
+    _require_readable(len(states), degrees, sum(1 for _ in question.cells()))
+    return [replace(each, degrees=degrees) for each in standard]
+
+
+def _posed(question: SteadyDecrease, extremes: Sequence[Extreme], functions: Mapping[str, int]) -> list[SteadyDecrease]:
+    """The question at each of the references, functions being polynomials of these degrees."""
     enclosures: dict[int, UnaryEnclosure] = {}
 
-    def fit_here(node: int, function: str, argument: Enclosure) -> Enclosure:
-        enclosures[node] = enclose(function, argument)
-        return argument.apply(enclosures[node])
+    def fit_here(node: int, function: str, argument: Enclosure) -> UnaryEnclosure:
+        enclosures[node] = enclose(function, argument, functions)
+        return enclosures[node]
 
     # functions are of the state alone wherever there is more than one reference: one enclosure fits all
-    question.rates({name: lower for name, (lower, _) in box.items()}, fit_here)
+    replace(question).rates({name: lower for name, (lower, _) in question.inputs.items()}, fit_here)
     questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
-    degrees = degrees or max(_gram_degrees(question) for question in questions)
-    _require_readable(len(states), degrees, sum(1 for _ in question.cells()))
-    return [replace(question, degrees=degrees) for question in questions]
+    degrees = max(_gram_degrees(each) for each in questions)
+    return [replace(each, degrees=degrees) for each in questions]
 
 
 def _require_readable(states: int, degrees: tuple[int, ...], cells: int) -> None:
@@ -241,7 +254,8 @@ def _require_readable(states: int, degrees: tuple[int, ...], cells: int) -> None
     size = f"V' of degree {2 * degrees[0]} in {states} states takes"
     if max(rows) > MOST_MONOMIALS:
         raise TooLarge(f"{size} Gram matrices of {max(rows)} rows, and a checker reads at most {MOST_MONOMIALS}")
-    effort = cells * sum(count**3 for count in rows)  # of their definiteness alone (`proven_margin`)
+    # of their definiteness alone (`proven_margin`)
+    effort = cells * sum(count**3 * (1 + count * GRAM_BITS // 2048) for count in rows)
     if effort > LARGEST_EFFORT:
         raise TooLarge(
             f"{size} {cells} times {len(rows)} Gram matrices of up to {max(rows)} rows: {effort / 1e6:.0f} million "
@@ -254,7 +268,8 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
 
     An authority of a high degree is cut, for its Gram matrix to have more than a constant.
     """
-    order = -(-max(int(question.target(cell).total_degree()) for cell in question.cells()) // 2)
+    sides = (side for cell in question.cells() for side in (question.target(cell), question.drop(cell)))
+    order = -(-max(int(side.total_degree()) for side in sides) // 2)
     slopes = [
         max(int(question.authority(piece, name).total_degree()) for piece in question.pieces)
         for name in question.free_inputs

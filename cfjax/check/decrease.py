@@ -16,9 +16,14 @@ a cell
     p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
 where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos; what the Gram matrices then prove, `cfjax.check.program` says.
+
+Where the rates divide by something, F_u is a quotient with a denominator D > 0 (`cfjax.check.quotient`), and D F_u
+takes its place: p_u − ε stands for that, and p_D drop for drop, p_D being the polynomial of D, |D − p_D| ≤ δ. What is
+shown is D F_u ≥ λ p_D drop + r, so F_u ≥ λ (p_D/D) drop − |r|/D, where D is at least a number that is known and p_D/D
+is 1 but for δ/D.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -26,13 +31,11 @@ from typing import NamedTuple
 
 from flint import arb, fmpq, fmpq_mpoly
 
-from cfjax.check.enclosure import Enclosure, UnaryEnclosure
+from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph
-from cfjax.check.program import FunnelProgram, Matrix
+from cfjax.check.program import CellProof, FunnelProgram, Matrix
+from cfjax.check.quotient import Quotient, UnaryOf, applied
 from cfjax.check.rational import exp_bounds, sqrt_upper, upper_bound
-
-
-ApplyFunction = Callable[[int, str, Enclosure], Enclosure]
 
 
 @dataclass(frozen=True)
@@ -139,21 +142,30 @@ class SteadyDecrease(FunnelProgram):
         return max(piece.upper for piece in self.pieces)
 
     def rates(
-        self, inputs: Mapping[str, fmpq], function: ApplyFunction, profile: Mapping[str, fmpq] | None = None
-    ) -> list[Enclosure]:
-        """The deviation's rate ẋ at constant inputs; `function(node, name, argument)` encloses a function's value."""
+        self, inputs: Mapping[str, fmpq], unary_of: UnaryOf, profile: Mapping[str, fmpq] | None = None
+    ) -> list[Quotient]:
+        """The deviation's rate ẋ at constant inputs; `unary_of` encloses the function that a node applies."""
         profile = self.extreme.profile if profile is None else profile
-        values = {name: self.domain.exact(x) for name, x in zip(self.states, self.deviations, strict=True)}
-        values |= {f"reference:{name}": self.domain.constant(value) for name, value in profile.items()}
-        values |= {f"input:{name}": self.domain.constant(value) for name, value in inputs.items()}
-        return self.graph.evaluate(values, self.domain.constant, function)
+        values = {name: Quotient(self.domain.exact(x)) for name, x in zip(self.states, self.deviations, strict=True)}
+        values |= {f"reference:{name}": self._number(value) for name, value in profile.items()}
+        values |= {f"input:{name}": self._number(value) for name, value in inputs.items()}
+        return self.graph.evaluate(
+            values, self._number, lambda node, name, argument: applied(node, name, argument, unary_of)
+        )
 
-    def form_rate(self, inputs: Mapping[str, fmpq], profile: Mapping[str, fmpq]) -> Enclosure:
+    def _number(self, value: fmpq) -> Quotient:
+        return Quotient(self.domain.constant(value))
+
+    def _timing(self, piece: LevelPiece, share: fmpq) -> Quotient:
+        """A share of what V changes by with θ, on a piece."""
+        return Quotient(self.domain.exact(piece.timing_at(self.form) * share))
+
+    def form_rate(self, inputs: Mapping[str, fmpq], profile: Mapping[str, fmpq]) -> Quotient:
         """q̇ = ∇q · f(x, u) at constant inputs."""
-        rates = self.rates(inputs, lambda node, _, argument: argument.apply(self.enclosures[node]), profile)
-        total = self.domain.constant(fmpq(0))
+        rates = self.rates(inputs, lambda node, *_: self.enclosures[node], profile)
+        total = self._number(fmpq(0))
         for gradient, rate in zip(self.covector, rates, strict=True):
-            total = total + self.domain.exact(gradient) * rate
+            total = total + Quotient(self.domain.exact(gradient)) * rate
         return total
 
     @cached_property
@@ -162,7 +174,7 @@ class SteadyDecrease(FunnelProgram):
         return tuple(name for name, (lower, upper) in self.inputs.items() if lower < upper)
 
     @cached_property
-    def form_rates(self) -> dict[tuple[fmpq, ...], Enclosure]:
+    def form_rates(self) -> dict[tuple[fmpq, ...], Quotient]:
         """q̇ at every vertex of the input box."""
         corners = product(*(sorted({lower, upper}) for lower, upper in self.inputs.values()))
         profile = self.extreme.profile
@@ -179,44 +191,49 @@ class SteadyDecrease(FunnelProgram):
                 yield Cell(piece, signs, vertex)
 
     def drop(self, cell: Cell) -> fmpq_mpoly:
-        return self.pieces[cell.piece].drop_at(self.form)
+        drop, rate = self.pieces[cell.piece].drop_at(self.form), self.form_rates[cell.vertex]
+        return self.domain.product(rate.denominator.polynomial, drop) if rate.powers else drop
 
     def least_drop(self, cell: Cell) -> fmpq:
-        return self.pieces[cell.piece].least_drop
+        return self.pieces[cell.piece].least_drop * self.form_rates[cell.vertex].least_denominator
+
+    def proven_margin(self, proof: CellProof) -> fmpq:
+        """As of every program, less what the denominator's own remainder costs."""
+        shown, rate = super().proven_margin(proof), self.form_rates[proof.cell.vertex]
+        return shown - abs(proof.margin) * rate.denominator.largest_remainder / rate.least_denominator
 
     def target(self, cell: Cell) -> fmpq_mpoly:
-        """p_u − ε(y): a polynomial that is nowhere on the ball above F_u."""
-        rate = self.form_rates[cell.vertex]
+        """p_u − ε(y): a polynomial that is nowhere on the ball above D F_u."""
         u0 = dict(zip(self.inputs, cell.vertex, strict=True))["u0"]
         piece = self.pieces[cell.piece]
+        demand = (self.form_rates[cell.vertex] + self._timing(piece, u0)).numerator
         # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q/peak
-        remainder = rate.remainder_polynomial(sqrt_upper(piece.lower / self.peak))
-        demand = self.domain.sum(rate.polynomial, piece.timing_at(self.form) * u0)
-        return self.domain.negative(self.domain.sum(demand, remainder))
+        remainder = demand.remainder_polynomial(sqrt_upper(piece.lower / self.peak))
+        return self.domain.negative(self.domain.sum(demand.polynomial, remainder))
 
     @cached_property
-    def slopes(self) -> dict[str, fmpq_mpoly]:
-        """∂q̇/∂(input i) for each free input at the nominal reference, as the proof has it."""
+    def slopes(self) -> dict[str, Quotient]:
+        """∂q̇/∂(input i) for each free input at the nominal reference, as the proof has it: without remainders."""
         found = {}
         nominal, profile = self.extreme
 
-        def form_rate(corner: Mapping[str, fmpq]) -> fmpq_mpoly:
-            if nominal == profile:
-                return self.form_rates[tuple(corner.values())].polynomial
-            return self.form_rate(corner, nominal).polynomial
+        def form_rate(corner: Mapping[str, fmpq]) -> Quotient:
+            rate = self.form_rates[tuple(corner.values())] if nominal == profile else self.form_rate(corner, nominal)
+            return Quotient(self.domain.exact(rate.numerator.polynomial), rate.powers)
 
         for name in self.free_inputs:
             lower, upper = self.inputs[name]
             bottom = {label: low for label, (low, _) in self.inputs.items()}
             ends = (form_rate(bottom | {name: end}) for end in (lower, upper))
-            low, high = (self.domain.product(end, self.ring.constant(1 / (upper - lower))) for end in ends)
-            found[name] = self.domain.sum(high, self.domain.negative(low))
+            low, high = (end * self._number(1 / (upper - lower)) for end in ends)
+            found[name] = (high - low).reduced()
         return found
 
     def authority(self, piece: LevelPiece, name: str) -> fmpq_mpoly:
-        """∂(V̇)/∂(input) on a piece, before it is cut."""
+        """∂(V̇)/∂(input) on a piece, before it is cut; where a denominator is left, times that."""
         slope = self.slopes[name]
-        return self.domain.sum(slope, piece.timing_at(self.form)) if name == "u0" else slope
+        whole = slope + self._timing(piece, fmpq(1)) if name == "u0" else slope
+        return whole.numerator.polynomial
 
     def constraints(self, cell: Cell) -> list[fmpq_mpoly]:
         """Polynomials that are not negative on the cell: ± s_i, q − q_lo, q_hi − q."""

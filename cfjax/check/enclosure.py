@@ -20,7 +20,7 @@ from cfjax.check.rational import bits, decimal_text, sqrt_upper, upper_bound
 
 SUBINTERVALS = 256  # of the range on which a remainder is bounded; 256 bounds it to about one part in a hundred
 SERIES_ORDER = 8  # Taylor terms on each: the last one is evaluated on the whole subinterval
-LARGEST_EFFORT = 8_000_000  # products of coefficients; the circle's proof takes about a million
+LARGEST_EFFORT = 32_000_000  # products of coefficients; a circle's proof takes about a million, with six states twenty
 LARGEST_DEGREE = 40
 LONGEST_COEFFICIENT = 20_000  # bits
 MOST_TERMS = 20_000  # of a polynomial; the circle's have less than a thousand
@@ -172,6 +172,13 @@ class Domain:
         self.budget.spend(len(polynomial) * (1 + self._length(polynomial) // 512))
         return -polynomial
 
+    def divided(self, polynomial: fmpq_mpoly, divisor: fmpq_mpoly) -> fmpq_mpoly | None:
+        """polynomial / divisor, paid for as a product; None where that is no polynomial."""
+        length = self._length(polynomial) + self._length(divisor)
+        self.budget.spend(len(polynomial) * len(divisor) * (1 + length // 512))
+        whole, rest = divmod(polynomial, divisor)
+        return None if rest else whole
+
     def _length(self, polynomial: fmpq_mpoly) -> int:
         """Bits of the longest coefficient: a look at each of them."""
         self.budget.spend(4 * len(polynomial))
@@ -280,20 +287,39 @@ class Enclosure:
         reach = self.domain.bound(self.polynomial - centre) + self.largest_remainder
         return centre - reach, centre + reach
 
-    def apply(self, unary: UnaryEnclosure) -> "Enclosure":
-        """The function of this enclosure.
+    def range_within(self, unary: UnaryEnclosure) -> tuple[fmpq, fmpq]:
+        """The range, which is no wider than that of the enclosure of a function.
 
         Raises:
-            ValueError: where this enclosure reaches beyond the range on which the unary one holds.
+            ValueError: it is wider.
         """
-        if unary.function == "inv" and self.polynomial.is_constant() and not any(self.remainder) and self.polynomial:
-            return self.domain.constant(1 / fmpq(self.polynomial.coeffs()[0]))  # a rational's is one
         lower, upper = self.range()
         if not unary.lower <= lower <= upper <= unary.upper:
             raise ValueError(
                 f"the argument of {unary.function} reaches from {decimal_text(lower)} to {decimal_text(upper)}, "
                 f"its enclosure only from {decimal_text(unary.lower)} to {decimal_text(unary.upper)}"
             )
+        return lower, upper
+
+    def _number(self, function: str) -> "Enclosure":
+        """The function of what is a number but for the remainder: a ball, and no polynomial is needed."""
+        value, spread = fmpq(self.polynomial[(0,) * self.domain.ring.nvars()]), self.largest_remainder
+        if function == "inv" and value and not spread:  # a rational's is one
+            return self.domain.constant(1 / value)
+        ball = _taylor(function, arb(arb(value), arb(spread)))[0]
+        middle = upper_bound(ball.mid())
+        remainder = upper_bound(abs(ball - arb(middle))), fmpq(0), fmpq(0)
+        return Enclosure(self.domain, self.domain.ring.constant(middle), remainder)
+
+    def apply(self, unary: UnaryEnclosure) -> "Enclosure":
+        """The function of this enclosure.
+
+        Raises:
+            ValueError: where this enclosure reaches beyond the range on which the unary one holds.
+        """
+        if self.polynomial.is_constant():
+            return self._number(unary.function)
+        self.range_within(unary)
         result = self.domain.ring.constant(0)
         for coefficient in reversed(unary.coefficients):
             result = self.domain.product(result, self.polynomial) + coefficient

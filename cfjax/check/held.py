@@ -23,7 +23,7 @@ Both are polynomials in the parameters whose coefficients are computed once (`cf
 That B is a bound at a vertex is shown by sums of squares (`cfjax.check.program`), with q_lo ≤ q ≤ q_hi as constraints.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat, fmpq_mpoly
 
-from cfjax.check.decrease import ApplyFunction, LevelPiece, level_bounds
+from cfjax.check.decrease import LevelPiece, level_bounds
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.parametric import Combination, Parametric, Point
@@ -42,6 +42,7 @@ from cfjax.check.symbolic import DERIVATIVES, Symbolic
 
 
 Range = tuple[fmpq, fmpq]
+ApplyFunction = Callable[[int, str, Enclosure], Enclosure]
 TIMING = "input:u0"
 REFERENCE, ASKED = "reference:", "asked:"  # beside which a car moves, and at which V̇ is looked at where that is another
 ORDERS = (1, 2)  # V̇, V̈

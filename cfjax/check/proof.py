@@ -46,7 +46,7 @@ from cfjax.check.tube import (
 )
 
 
-MOST_EFFORT = 32 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
+MOST_EFFORT = 8 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
 ENCLOSURE_EFFORT = 384  # for each bit of the numbers in an enclosure of a function, proven once more on each stretch
 Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
 CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute

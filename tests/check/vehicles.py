@@ -115,3 +115,15 @@ class Dragged(SteeredCar):
     def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
         (v, _), (thrust, rate) = internal, inputs
         return thrust - self.drag * (jnp.sqrt(v**2 + 1.0) - 1.0), rate
+
+
+@dataclass(frozen=True)
+class Hauler(Unicycle):
+    """What it has is power: its acceleration is that over its speed, so that a rate divides by a state."""
+
+    name: ClassVar[str] = "hauler"
+    input_names: ClassVar[tuple[str, ...]] = ("turn", "power")  # rad/s, m²/s³
+
+    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
+        (v,), (_, power) = internal, inputs
+        return (power / v,)

@@ -29,6 +29,7 @@ from cfjax.problem import (
     circle,
     deviation_rate,
     ellipse,
+    feedforward,
     slalom,
     straight,
     tube,
@@ -38,6 +39,7 @@ from cfjax.problem.course import poses_of
 from cfjax.report.run_folder import read_run
 from cfjax.synthesis import search
 from cfjax.verdict import Verdict
+from experiments.vehicles.dynamic_single_track import DynamicSingleTrack
 from experiments.vehicles.front_axle import FrontAxleCar
 from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
@@ -146,7 +148,9 @@ def test_a_sweep_runs_a_job_again_whose_vehicle_has_changed(
     assert "done already" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("vehicle", [Unicycle(), SteeredCar(), FrontAxleCar()], ids=lambda vehicle: vehicle.name)
+@pytest.mark.parametrize(
+    "vehicle", [Unicycle(), SteeredCar(), FrontAxleCar(), DynamicSingleTrack()], ids=lambda vehicle: vehicle.name
+)
 def test_deviations_are_those_of_the_inertial_model(vehicle: Vehicle) -> None:
     """Along a curvature that changes: the deviation's rate against differences of two motions in the world frame."""
     rng = np.random.default_rng(0)
@@ -222,6 +226,44 @@ def test_a_vehicle_that_no_tube_holds_goes_by_segments(monkeypatch: pytest.Monke
     monkeypatch.setattr("cfjax.synthesis._by_tubes", lambda *_: pytest.fail("no tube holds it"))
     with pytest.raises(Taken):
         search(Problem(slalom(), vehicle=Cart(), inlet=ball(0.2), goal=ball(0.6)))
+
+
+# --- a vehicle whose rates divide by its speed
+
+SLIPPING = (
+    "vehicle=custom",
+    "vehicle.target=experiments.vehicles.dynamic_single_track.DynamicSingleTrack",
+    "sets.inlet=[0.2,0.2,0.2,0.2,0.1,0.5]",
+    "sets.goal=[0.5,0.5,0.5,0.5,0.5,2]",
+    "sets.safe=[1,1,1,1,0.5,3]",
+)
+
+
+def test_a_car_with_tyres_is_certified_and_driven(
+    train: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Six states; how long inputs may be held is not proven where a rate divides by a state, and one line says so."""
+    small = ("cars=50", "method=tt", "restarts=1", "rounds=1", "hydra.run.dir=here")
+    assert train("+path=circle", *SLIPPING, *small) == 0
+    assert "only sin and cos are of the states, not inv" in capsys.readouterr().err
+    report = check_file(tmp_path / "here")
+    assert report.outcome is Outcome.PROVEN
+    assert "Deviations (alpha, x, y, v_x, v_y, yaw_rate)" in report.message
+    assert "speed 1.5707963267948966 m/s" in report.message
+    result = json.loads((tmp_path / "here" / "result.json").read_text())
+    assert result["margin"]["certified"] > 1.5
+    assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
+
+
+def test_a_steady_turn_on_tyres_stays_one() -> None:
+    """Whatever the speed: nothing of the reference's rest changes with the inputs that hold it."""
+    vehicle = DynamicSingleTrack()
+    for speed, turn in ((1.5708, 1.0472), (4.0, -2.5), (2.0, 0.0), (0.5, 0.3)):
+        point = ReferencePoint(turn, speed)
+        _, internal = vehicle.reference(turn, speed)
+        assert float(np.hypot(internal[0], internal[1])) == pytest.approx(speed, rel=1e-12)
+        held = feedforward(vehicle, point)
+        np.testing.assert_allclose(deviation_rate(vehicle, (0.0,) * 6, held, point), 0.0, atol=1e-10)
 
 
 # --- a vehicle that does not look along the path
