@@ -11,13 +11,14 @@ from types import MappingProxyType
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from cfjax.check.enclosure import Domain, Enclosure
+from cfjax.check.enclosure import Budget, Domain, Enclosure
 from cfjax.check.graph import Graph
 from cfjax.check.rational import sqrt_upper
 from cfjax.check.reader import Broken
 
 
 DERIVATIVES = {"sin": ("cos", 1), "cos": ("sin", -1)}  # of functions: another function, and its sign
+STRUCTURE_EFFORT = 8_000_000  # in products of coefficients, as a proof's: to look at dynamics takes far less
 REFERENCE = ("turn_rate", "speed", "turn_rate_slope", "speed_slope")
 
 
@@ -123,7 +124,7 @@ def symbolic(graph: Graph, states: tuple[str, ...], inputs: tuple[str, ...]) -> 
     """
     names = (*states, *(f"input:{label}" for label in inputs), *(f"reference:{label}" for label in REFERENCE))
     ring = fmpq_mpoly_ctx.get([f"z{k}" for k in range(len(names) + len(graph.functions()))], "degrevlex")
-    domain = Domain(ring, fmpq(1))  # every polynomial here is exact: the ball bounds nothing
+    domain = Domain(ring, fmpq(1), Budget(STRUCTURE_EFFORT))  # every polynomial here is exact: the ball bounds nothing
     generators = ring.gens()
     functions: dict[int, tuple[str, fmpq_mpoly]] = {}
 
