@@ -42,6 +42,7 @@ from cfjax.report.run_folder import read_run
 from cfjax.simulation.loop import CROSSING, RECORDED, RK4_NODES, RK4_WEIGHTS, sample_starts
 from cfjax.simulation.rollout import Legs, drive, table_of
 from cfjax.synthesis import search
+from cfjax.traced import traced
 from cfjax.verdict import Verdict
 
 
@@ -214,8 +215,8 @@ def measure(asked: Question, runs: int, solved: int) -> tuple[Table, list[str]]:
 
     def by_jax(batch: int) -> int:
         stride = max(1, batch // RECORDED)
-        arguments = asked.vehicle, asked.leg.funnel.template, MinNorm(), asked.table, profiles, None, starts[:batch]
-        driven, _ = jax.block_until_ready(drive(*arguments, asked.limit(), 1, asked.limit() + 1, stride))
+        program = traced(drive, asked.vehicle, asked.leg.funnel.template, MinNorm(), asked.limit() + 1, stride)
+        driven, _ = jax.block_until_ready(program(asked.table, profiles, None, starts[:batch], asked.limit(), 1))
         clock = np.asarray(driven.cars.clock)
         ends[f"cfjax, {batch}"] = clock, np.stack(driven.cars.x, axis=1)
         return asked.steps(clock)
