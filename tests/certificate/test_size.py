@@ -144,7 +144,7 @@ def test_a_proof_that_is_more_arithmetic_than_a_checker_does_is_refused() -> Non
 def test_what_the_checker_does_not_do_is_no_matter_of_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     """It ends the certification of any funnel, and no other solver is tried."""
     problem, funnel = asked(Omnidirectional(), circle(laps=0.5)), np.diag([1 / 0.25**2] * 3)
-    monkeypatch.setattr(enclosure.Budget, "__init__", lambda self: setattr(self, "left", 20_000))
+    monkeypatch.setattr(enclosure.Budget, "__init__", lambda self, *_: setattr(self, "left", 20_000))
     monkeypatch.setattr(program, "solver_named", lambda *_: pytest.fail("another solver was tried"))
     found = certify(problem, [Funnel(CONTRACTING, funnel, 0.0, problem.path.segments[0].duration)])
     assert (found.verdict, found.final) == (Verdict.INCONCLUSIVE, True)

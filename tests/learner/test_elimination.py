@@ -62,7 +62,7 @@ def test_demonstrations_come_in_batches_of_one_size(monkeypatch: pytest.MonkeyPa
         return PolytopeLearned(None, "not asked", ())
 
     monkeypatch.setattr("cfjax.synthesis.demonstrate", demonstrate)
-    monkeypatch.setattr("cfjax.synthesis.learn_polytope", learned)
+    monkeypatch.setattr("cfjax.learner.learn_polytope", learned)
     config = preset("circle", OVERRIDES)
     found = cfjax.search(problem_of(config), options_of(config))
     assert found.message == "not asked" and found.search["runs"] == []

@@ -301,7 +301,11 @@ def test_a_bad_file_gets_one_line(text: str, tmp_path: File) -> None:
 def test_a_file_that_cannot_be_read_gets_one_line(tmp_path: File) -> None:
     binary = tmp_path / "binary.csv"
     binary.write_bytes(b"\xd0\x00\xff")
-    for file, message in ((tmp_path / "none.csv", "there is no such file"), (tmp_path, "read"), (binary, "read")):
+    for file, message in (
+        (tmp_path / "none.csv", "there is no such file"),
+        (tmp_path, "got a folder"),
+        (binary, "read"),
+    ):
         with pytest.raises(InputError, match=f"expected a CSV file of waypoints, .*{message}") as raised:
             waypoints(file)
         assert str(raised.value).startswith(str(file))

@@ -41,6 +41,7 @@ from cfjax.problem.course import profiles_of
 from cfjax.simulation import drive_cars
 from cfjax.simulation.loop import advance, loop_of, sample_starts, start
 from cfjax.simulation.rollout import drive
+from cfjax.traced import traced
 
 
 PROBLEM = Problem(circle(), safe=Box((1.0, 1.0, 1.0, 3.0)))
@@ -77,8 +78,8 @@ def ways(problem: Problem, legs: list[Leg], starts: np.ndarray, finer: int = 1):
     table = rollout.table_of(problem, legs, profiles)
     table = table._replace(loop=table.loop._replace(step=table.loop.step / finer))
     template = legs[0].funnel.template
-    arguments = problem.vehicle, template, MinNorm(), table, profiles, None, jnp.asarray(starts)
-    return drive(*arguments, 100_000, 100, 1001, 1)
+    program = traced(drive, problem.vehicle, template, MinNorm(), 1001, 1)
+    return program(table, profiles, None, jnp.asarray(starts), 100_000, 100)
 
 
 def started_at(monkeypatch: pytest.MonkeyPatch, *starts: tuple[float, ...]) -> None:
