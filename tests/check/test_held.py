@@ -73,7 +73,10 @@ def by_hand(template: str, at: dict[str, fmpq]) -> tuple[fmpq_mpoly, fmpq_mpoly]
 
     q = 4 * a**2 + 2 * a * b + 3 * b**2
     own, looked_at = rates(at[TURN]), rates(at.get(ASKED_TURN, at[TURN]))
-    along = lambda polynomial, by: sum((polynomial.derivative(k) * by[k] for k in range(2)), 0 * a)  # noqa: E731
+
+    def along(polynomial: fmpq_mpoly, by: list[fmpq_mpoly]) -> fmpq_mpoly:
+        return sum((polynomial.derivative(k) * by[k] for k in range(2)), 0 * a)
+
     if template == "paper":  # V = q + rate θ
         return along(q, own) + RATE * u0, along(along(q, looked_at), own)
     k = RATE * u0  # V = e^{rate θ} q

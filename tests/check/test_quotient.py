@@ -2,6 +2,7 @@
 
 import json
 import random
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from flint import arb, fmpq, fmpq_mpoly_ctx
 from cfjax.certificate import certify, dump
 from cfjax.certificate.fit import enclose, fit
 from cfjax.check import Outcome, check_document
+from cfjax.check.decrease import Cell, SteadyDecrease
 from cfjax.check.enclosure import Domain, Enclosure, TooLarge, UnaryEnclosure, proven_bound
-from cfjax.check.program import RADIUS_SLACK
+from cfjax.check.program import RADIUS_SLACK, CellProof, FunnelProgram
 from cfjax.check.quotient import Quotient, applied
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Problem, ball, straight
@@ -157,6 +159,25 @@ def test_a_remainder_that_reaches_zero_is_refused(domain: Domain) -> None:
 
 
 # --- a certificate of a vehicle that divides by its speed
+
+
+def test_what_is_left_over_and_the_denominators_remainder_are_paid_for(
+    domain: Domain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """D = 1/4 + y/8, known to 1/100: what is divided by it grows, the more so the smaller it may be."""
+    y = domain.ring.gens()[0]
+    below = Enclosure(domain, y / 8 + fmpq(1, 4), (fmpq(1, 100), fmpq(0), fmpq(0)))
+    rate, cell = one_over(0, Quotient(below)), Cell(0, (), ())
+    question = SteadyDecrease.__new__(SteadyDecrease)
+    vars(question).update(pieces=(SimpleNamespace(least_drop=fmpq(3, 10)),), form_rates={(): rate})
+    least = fmpq(1, 4) - fmpq(1, 8) - fmpq(1, 100)
+    assert least * fmpq(999, 1000) < rate.least_denominator <= least
+    assert question.least_drop(cell) == rate.least_denominator * fmpq(3, 10)
+    monkeypatch.setattr(FunnelProgram, "proven_margin", lambda *_: fmpq(1))
+    for margin in (fmpq(2), fmpq(-2)):
+        shown = question.proven_margin(CellProof(cell, margin, ()))
+        assert shown <= 1 - 2 * fmpq(1, 100) / least
+        assert shown > 1 - fmpq(21, 1000) / least
 
 
 @pytest.fixture(scope="module")
