@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cfjax import coerce, learner
+from cfjax.ahead import compile_ahead
 from cfjax.certificate import Statement, certify, proof_size, require_posable, require_room, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
@@ -27,6 +28,7 @@ from cfjax.problem import Path, Problem, Vehicle
 from cfjax.question import check_question, doubts
 from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
+from cfjax.solver.program import Shape
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
 from cfjax.verdict import Verdict
 
@@ -120,11 +122,16 @@ def _by_segments(problem: Problem, options: Options, clock: Clock) -> Result:
     """Funnels made for the path's own segments; or the one of a tube."""
     statement = statement_of(problem)  # what no proof answers is not learned first
     require_posable(problem, statement, template_named(options.template), options.beta_lower, options.beta_inner)
-    return _Search(problem, options, clock, _room_for(problem, statement, options)).run()
+    workers, shapes = _room_for(problem, statement, options)
+    if _cores() > 1:
+        compile_ahead(problem, shapes, options)
+    return _Search(problem, options, clock, workers).run()
 
 
-def _room_for(problem: Problem, statement: Statement, options: Options) -> int:
-    """How many programs of the proof are solved side by side; a proof that takes long is announced on stderr.
+def _room_for(problem: Problem, statement: Statement, options: Options) -> tuple[int, tuple[Shape, ...]]:
+    """How many programs of the proof are solved side by side, and their shapes, as far as they are known.
+
+    A proof that takes long is announced on stderr.
 
     Raises:
         InputError: it takes more than `options.proof` allows.
@@ -132,11 +139,11 @@ def _room_for(problem: Problem, statement: Statement, options: Options) -> int:
     levels = options.beta_lower, options.beta_inner
     size = proof_size(problem, statement, template_named(options.template), *levels, options.solver)
     if size is None:
-        return _cores()
+        return _cores(), ()
     workers, line = require_room(size, options.proof.memory, options.proof.hours, _cores())
     if line:
         print(line, file=sys.stderr)
-    return workers
+    return workers, size.shapes
 
 
 def _by_tubes(problem: Problem, options: Options, clock: Clock) -> Result:

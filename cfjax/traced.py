@@ -4,6 +4,8 @@ JAX keeps what it has compiled, but traces and lowers each program anew in every
 run the largest ones. Here the lowered program is kept too, as `jax.export` serialises it. It is found again only by the
 same code: its name holds a hash of every source file of the package, of the versions of JAX and of the shapes of the
 arguments. Programs with parts from elsewhere, a vehicle of the user's own, say, are traced as always.
+
+A program is compiled once, however many threads ask for it: whoever comes while it is being made waits for it.
 """
 
 import dataclasses
@@ -16,6 +18,7 @@ from contextlib import suppress
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from threading import Lock
 from types import FunctionType
 from typing import Any
 
@@ -29,27 +32,41 @@ FOLDER = "traced"  # within JAX's compilation cache
 
 
 @cache
-def traced(function: Callable[..., Any], *static: Hashable) -> Callable[..., Any]:
-    """`function(*static, …)` compiled for arrays, as `jax.jit` has it; `static` are what `static_argnums` are there."""
-    return _Traced(partial(function, *static), identity((function, *static)))
+def traced(function: Callable[..., Any], *static: Hashable, options: tuple[tuple[str, Any], ...] = ()) -> "Traced":
+    """`function(*static, …)` compiled for arrays, as `jax.jit` has it; `static` are what `static_argnums` are there.
+
+    `options` are the compiler's, as pairs.
+    """
+    return Traced(partial(function, *static), identity((function, *static)), dict(options))
 
 
-class _Traced:
+class Traced:
     """One program, for each shape of its arguments."""
 
-    def __init__(self, function: Callable[..., Any], name: str | None) -> None:
-        self.function, self.name = function, name
+    def __init__(self, function: Callable[..., Any], name: str | None, options: dict[str, Any]) -> None:
+        self.function, self.name, self.options = function, name, options
         self.programs: dict[tuple, Callable[..., Any]] = {}
+        self._making: dict[tuple, Lock] = {}
 
     def __call__(self, *arguments: Any) -> Any:
+        program, leaves = self._found(arguments)
+        return program(*leaves)
+
+    def prepare(self, *arguments: Any) -> None:
+        """Make the program for arguments of these shapes, whatever their values, and do not run it."""
+        self._found(arguments)
+
+    def _found(self, arguments: tuple) -> tuple[Callable[..., Any], list[Any]]:
         leaves, tree = jax.tree.flatten(arguments)
         leaves = [leaf if isinstance(leaf, jax.Array) else np.asarray(leaf) for leaf in leaves]
         shapes = tree, *((leaf.shape, leaf.dtype.name) for leaf in leaves)
         if shapes not in self.programs:
-            self.programs[shapes] = self._program(shapes, leaves)
-        return self.programs[shapes](*leaves)
+            with self._making.setdefault(shapes, Lock()):
+                if shapes not in self.programs:
+                    self.programs[shapes] = self._lowered(shapes, leaves).compile(self.options)
+        return self.programs[shapes], leaves
 
-    def _program(self, shapes: tuple, leaves: list[Any]) -> Callable[..., Any]:
+    def _lowered(self, shapes: tuple, leaves: list[Any]) -> jax.stages.Lowered:
         tree = shapes[0]
 
         def flat(*values: Any) -> Any:
@@ -58,7 +75,7 @@ class _Traced:
         program = jax.jit(flat)
         folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
         if folder is None or self.name is None:
-            return program
+            return program.lower(*leaves)
         text = "\n".join([self.name, *map(str, shapes), source_hash(), jax.default_backend(), sys.version])
         file = Path(folder) / FOLDER / hashlib.sha256(text.encode()).hexdigest()
         try:
@@ -66,7 +83,7 @@ class _Traced:
         except Exception:  # there is none, or not a whole one
             kept = export.export(program)(*leaves)
             _write(file, kept)
-        return jax.jit(kept.call)
+        return jax.jit(kept.call).lower(*leaves)
 
 
 def _write(file: Path, kept: export.Exported) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from cfjax import InputError, Options, Vehicle
 from cfjax.certificate import robustness_of
 from cfjax.certificate.stretches import NotProven
+from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken
 from cfjax.check.replay import check_document, check_robustness
 from cfjax.conf import preset, problem_of
@@ -85,7 +86,7 @@ def period(result: Result) -> str:
     except (NotProven, Broken, ValueError):
         return NOTHING
     proven = check_robustness(check_document(result.document), result.document, hints).robustness
-    return NOTHING if proven is None else rounded_down(proven.alone.period, 3, MILLI)
+    return NOTHING if proven is None else rounded_down(float_below(proven.alone.period), 3, MILLI)
 
 
 def main() -> None:

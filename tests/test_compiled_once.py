@@ -7,7 +7,11 @@ import jax
 import pytest
 
 from cfjax import Options, Problem, circle, synthesize
-from cfjax.synthesis import harden
+from cfjax.ahead import compile_ahead
+from cfjax.certificate import proof_size, statement_of
+from cfjax.funnel import Contracting
+from cfjax.problem import KinematicBicycle
+from cfjax.synthesis import drive, harden, search
 
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
@@ -54,5 +58,21 @@ def test_a_second_run_compiles_nothing(problem: Problem) -> None:
     with compilations() as compiled:
         result = synthesize(problem, OPTIONS)
         harden(result, OPTIONS)
+    assert result.margin_certified
+    assert not compiled
+
+
+def test_what_follows_on_learning_can_be_compiled_ahead() -> None:
+    """Proof, robustness and cars of a vehicle of its own: afterwards only learner and falsifier are compiled."""
+    problem = Problem(circle(), inlet=0.3, goal=0.5, safe=(1, 1, 1, 3), vehicle=KinematicBicycle(wheelbase=0.41))
+    size = proof_size(problem, statement_of(problem), Contracting(), OPTIONS.beta_lower)
+    assert size is not None
+    with compilations() as ahead:
+        compile_ahead(problem, size.shapes, OPTIONS).join()
+    assert ahead
+    result = search(problem, OPTIONS)
+    with compilations() as compiled:
+        harden(result, OPTIONS)
+        drive(result, OPTIONS)
     assert result.margin_certified
     assert not compiled

@@ -1,6 +1,7 @@
 """Programs that are traced once per machine."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,6 +52,19 @@ def test_a_program_is_traced_once_for_each_shape_and_static_value() -> None:
     assert is_right("one", size=5)
     assert is_right("two")
     assert calls == ["one", "one", "two"]
+
+
+def test_threads_that_ask_at_once_make_it_once() -> None:
+    with ThreadPoolExecutor(8) as pool:
+        assert all(pool.map(lambda _: is_right("one"), range(8)))
+    assert calls == ["one"]
+
+
+def test_what_is_prepared_has_not_run_and_is_not_made_again() -> None:
+    traced(doubled, "one").prepare((np.zeros(3, int), 0))
+    assert calls == ["one"]
+    assert is_right("one")
+    assert calls == ["one"]
 
 
 def test_another_process_finds_it(cache: Path) -> None:

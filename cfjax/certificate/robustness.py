@@ -27,12 +27,13 @@ from cfjax.check.held_hints import CLAIM
 from cfjax.check.piece import between
 from cfjax.check.program import CellProof
 from cfjax.check.rational import rational
-from cfjax.check.robustness import motions, tube_motions
+from cfjax.check.robustness import DEGREES, motions, tube_motions
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.tube import TubeClaim, require_tube_structure
 from cfjax.coerce import instance, whole
 from cfjax.result import Result
 from cfjax.solver import DEFAULT, Program, Solution, Solver, solver_named
+from cfjax.solver.program import Shape
 from cfjax.verdict import Verdict
 
 
@@ -86,6 +87,11 @@ def _chain_document(document: dict[str, Any], solver: Solver) -> dict[str, Any]:
         tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": bands}
     in_order = [entry for _, entry in sorted(tubes.items())]
     return with_hash(CLAIM, {"certificate": document["hash"], "tubes": in_order})
+
+
+def held_shape(states: int) -> Shape:
+    """Of the largest programs that bound V̇ and V̈: the same for every funnel of so many states."""
+    return states, (DEGREES[0], DEGREES[1], DEGREES[1])
 
 
 def hints_for(

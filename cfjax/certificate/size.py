@@ -22,6 +22,7 @@ from cfjax.funnel.levels import inner_level
 from cfjax.problem import Problem, Tube
 from cfjax.solver import DEFAULT, SOLVERS
 from cfjax.solver.cost import available_memory, cost_of
+from cfjax.solver.program import Shape
 
 
 WORTH_SAYING = 60.0  # s: a proof that takes longer is announced
@@ -41,6 +42,7 @@ class ProofSize:
     monomials: int  # rows of its largest Gram matrix
     memory: float  # bytes, of one of them
     seconds: float  # of all of them on one core
+    shapes: tuple[Shape, ...]  # of the programs, each once
 
     def workers(self, cores: int, memory: float) -> int:
         """How many programs are solved side by side within so many bytes; at least one."""
@@ -69,6 +71,7 @@ def size_of(questions: Sequence[Sequence[SteadyDecrease]], solver: str = DEFAULT
         monomials=comb(states + order, states),
         memory=max(cost.memory for cost in costs),
         seconds=sum(count * cost.seconds for count, cost in zip(cells, costs, strict=True)),
+        shapes=tuple(dict.fromkeys((states, degrees) for degrees in orders)),
     )
 
 

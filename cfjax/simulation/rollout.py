@@ -39,7 +39,7 @@ from cfjax.simulation.loop import (
     sample_starts,
     start,
 )
-from cfjax.traced import traced
+from cfjax.traced import Traced, traced
 
 
 STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at most twice as many
@@ -237,6 +237,48 @@ def _step(
     return STEP_SHARE / (heading * float(fastest(problem, funnel, points).max()))
 
 
+class _Asked(NamedTuple):
+    """A question to `drive`: the compiled program, and what it is given."""
+
+    program: Traced
+    arguments: tuple[Legs, Pieces, tuple[Pieces, Surroundings] | None, Float[Array, "k n"], int, int]
+
+
+def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law) -> _Asked:
+    """Cars from random places in I.
+
+    Raises:
+        InputError: as `drive_cars`.
+    """
+    legs = _checked(problem, legs)
+    cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
+    objects(law=(law, Law))
+    template, profiles = _template(legs), profiles_of(problem.path)
+    table = table_of(problem, legs, profiles)
+    around = None
+    if problem.obstacles:
+        around = (poses_of(problem.path, problem.side_slip), surroundings(problem.obstacles, problem.footprint))
+    end, step = np.asarray(table.loop.end), np.asarray(table.loop.step)
+    # at the slowest timing; each leg ends within a step of its own
+    limit = int(np.ceil(np.diff(end, prepend=0.0) / step / problem.inputs[0].lower + 1).sum()) + 1
+    every = math.ceil(limit / MOST_ROWS)
+    starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
+    program = traced(drive, problem.vehicle, template, law, MOST_ROWS + 1, max(1, cars // RECORDED))
+    return _Asked(program, (table, profiles, around, starts, limit, every))
+
+
+def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = MinNorm()) -> None:
+    """Compile what `drive_cars` will ask for, once the funnels of all segments are known; any will do for that."""
+    shape = np.diag(1 / np.array(problem.inlet.half_axes) ** 2)
+    ends = np.cumsum([segment.duration for segment in problem.path.curve])
+    legs = [
+        Leg(float(end), Funnel(template, shape, 0.0, segment.duration), 1.0)
+        for segment, end in zip(problem.path.curve, ends, strict=True)
+    ]
+    asked = _asked(problem, legs, cars, 0, law)
+    asked.program.prepare(*asked.arguments)
+
+
 def drive_cars(
     problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0, law: Law = MinNorm()
 ) -> tuple[ClosedLoop, Rollouts]:
@@ -252,26 +294,11 @@ def drive_cars(
     Raises:
         InputError: where the legs do not lead along the path, or their funnels have several templates.
     """
-    legs = _checked(problem, legs)
-    cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
-    objects(law=(law, Law))
-    template, profiles = _template(legs), profiles_of(problem.path)
-    table = table_of(problem, legs, profiles)
-    around = None
-    if problem.obstacles:
-        around = (poses_of(problem.path, problem.side_slip), surroundings(problem.obstacles, problem.footprint))
-    end, step = np.asarray(table.loop.end), np.asarray(table.loop.step)
-    # at the slowest timing; each leg ends within a step of its own
-    limit = int(np.ceil(np.diff(end, prepend=0.0) / step / problem.inputs[0].lower + 1).sum()) + 1
-    every = math.ceil(limit / MOST_ROWS)
-    starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
-    stride = max(1, cars // RECORDED)
-    program = traced(drive, problem.vehicle, template, law, MOST_ROWS + 1, stride)
-    driven = program(table, profiles, around, starts, limit, every)
-    (last, _, clear), history = jax.tree.map(np.asarray, driven)
+    asked = _asked(problem, legs, cars, seed, law)
+    (last, _, clear), history = jax.tree.map(np.asarray, asked.program(*asked.arguments))
     rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)
-    arrived = last.theta >= end[-1]
+    arrived = last.theta >= asked.arguments[0].loop.end[-1]
     largest, clock = last.largest_value, last.clock[arrived]
     inside = (last.worst_safe <= 1 + ROUNDING) & (clear >= -ROUNDING)
     summary = ClosedLoop(

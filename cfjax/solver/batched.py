@@ -17,19 +17,21 @@ import scipy.linalg
 from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
-from cfjax.solver.interior_point import Bases, State, identity_side, solve_one
+from cfjax.solver.interior_point import Bases, State, identity_side, solve_many, solve_one
 from cfjax.solver.points import Space, space
-from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Solution, Status
+from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Shape, Solution, Status
+from cfjax.traced import traced
 
 
 ACCURATE = 1e-4  # gap and error up to which a solution is called optimal
 WORTHLESS = 1.0  # gap or error of the size of the target itself
 STACKS = (1, 2, 3, 5, 8, 12)  # blocks of one degree, filled up to one of these
+SECOND_STACK = 2  # at least, below the largest degree: bounds of V̇ (one block there) and of V̈ (two) are one program
 LANES = {"cpu": 1}  # programs that are solved in lockstep; on a CPU one by one is faster, cores work side by side
 LANES_ELSEWHERE = 64
 
-_solve_one = jax.jit(solve_one, compiler_options={"xla_cpu_multi_thread_eigen": False})
-_solve_many = jax.jit(jax.vmap(solve_one, in_axes=(None, 0, 0, 0, 0)))
+_solve_one = traced(solve_one, options=(("xla_cpu_multi_thread_eigen", False),))
+_solve_many = traced(solve_many)
 
 
 class _Layout(NamedTuple):
@@ -48,7 +50,11 @@ def _layout(variables: int, degrees: tuple[int, ...]) -> _Layout:
     own = space(variables, 2 * max(degrees))
     different = sorted(set(degrees), reverse=True)
     blocks = tuple(tuple(k for k, degree in enumerate(degrees) if degree == each) for each in different)
-    sizes = tuple(next((size for size in STACKS if size >= len(each)), len(each)) for each in blocks)
+    least = [1, *[SECOND_STACK] * (len(blocks) - 1)]
+    sizes = tuple(
+        next((size for size in STACKS if size >= max(len(each), few)), len(each))
+        for each, few in zip(blocks, least, strict=True)
+    )
     bases, to_monomials = zip(*map(own.basis, different), strict=True)
     squares = scipy.linalg.cho_factor((bases[0] @ bases[0].T) ** 2)
     return _Layout(own, blocks, sizes, tuple(map(jnp.asarray, bases)), to_monomials, squares)
@@ -147,6 +153,17 @@ class Batched:
         ):  # threads of LAPACK for matrices this small only wait for each other
             return self._solved(programs)
 
+    def prepare(self, shape: Shape) -> None:
+        """Compile for programs of this shape, once: whoever solves one meanwhile waits for it."""
+        layout, lanes = _layout(*shape), _lanes()
+        count = len(layout.space.values)
+        stacks = tuple(np.zeros((size, count)) for size in layout.sizes)
+        empty = _Posed(stacks, np.zeros(count), np.zeros(count), np.zeros(()))
+        if lanes == 1:
+            _solve_one.prepare(layout.bases, *empty)
+        else:
+            _solve_many.prepare(layout.bases, *jax.tree.map(lambda each: np.stack([each] * lanes), empty))
+
     def _solved(self, programs: Sequence[Program]) -> list[Solution]:
         found: dict[int, Solution] = {}
         by_shape: dict[tuple, list[int]] = {}
@@ -161,12 +178,16 @@ class Batched:
         return [found[index] for index in range(len(programs))]
 
     def _alike(self, layout: _Layout, programs: list[Program]) -> list[Solution]:
-        lanes = LANES.get(jax.default_backend(), LANES_ELSEWHERE)
+        lanes = _lanes()
         if lanes == 1:
             with ThreadPoolExecutor(self.workers) as pool:
                 return list(pool.map(partial(_alone, layout), programs))
         chunks = [programs[begin : begin + lanes] for begin in range(0, len(programs), lanes)]
         return [solution for chunk in chunks for solution in _together(layout, chunk, lanes)]
+
+
+def _lanes() -> int:
+    return LANES.get(jax.default_backend(), LANES_ELSEWHERE)
 
 
 def _alone(layout: _Layout, program: Program) -> Solution:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from cfjax.check.program import Exponents, monomials
 from cfjax.solver.cost import available_memory, cost_of
-from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Solution, Status, rows
+from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Shape, Solution, Status, rows
 
 
 GB = 1e9
@@ -28,6 +28,9 @@ class Clarabel:
 
     def __init__(self, workers: int = 1) -> None:
         self.workers = workers
+
+    def prepare(self, shape: Shape) -> None:
+        """Nothing: each program is canonicalised by itself."""
 
     def solve(self, programs: Sequence[Program]) -> list[Solution]:
         """A solution for each program."""

@@ -222,3 +222,8 @@ def solve_one(
         is_done=jnp.zeros((), bool),
     )
     return jax.lax.while_loop(lambda state: ~state.is_done & (state.steps < MOST_STEPS), improved, start)
+
+
+def solve_many(bases: Bases, *stacked: Any) -> State:
+    """Programs of one shape in lockstep: what `solve_one` is given, everything but the bases along an axis more."""
+    return jax.vmap(solve_one, in_axes=(None, 0, 0, 0, 0))(bases, *stacked)

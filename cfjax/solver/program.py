@@ -21,6 +21,9 @@ from cfjax.check.program import Exponents, monomials
 AT_CAP = 1 - 1e-3  # of the cap: λ is as good as there, and no point of the cell limits it
 CAP = 16.0  # of λ where a program names none, in units of the target's largest number over the drop's
 
+Shape = tuple[int, tuple[int, ...]]
+"""Of a program: its variables, and the degrees of the monomials in each Gram matrix."""
+
 
 class Status(enum.Enum):
     """How far a solver came; only the exact replay says whether a margin is proven."""
@@ -45,7 +48,7 @@ class Program:
     cap: float | None = None  # of λ; None: a solver's own, far above what a cell that is not empty has
 
     @property
-    def shape(self) -> tuple[int, tuple[int, ...]]:
+    def shape(self) -> Shape:
         """Programs of one shape can be solved together."""
         return self.variables, self.degrees
 
@@ -83,6 +86,9 @@ class Solver(Protocol):
     name: str
 
     def solve(self, programs: Sequence[Program]) -> list[Solution]: ...
+
+    def prepare(self, shape: Shape) -> None:
+        """Whatever programs of this shape need before the first of them is solved, compiled code, say."""
 
 
 NOT_FINITE = "coefficients that are not finite"

@@ -19,6 +19,7 @@ from cfjax.falsifier import falsify
 from cfjax.funnel import Contracting, Funnel, Paper
 from cfjax.problem import Box, Path, Pose, Problem, ball, circle, ellipse
 from cfjax.solver import Program, Solution, Status
+from cfjax.solver.program import Shape
 from cfjax.verdict import Verdict
 from experiments.vehicles.omnidirectional import Omnidirectional
 
@@ -194,6 +195,9 @@ class Oracle:
 
     def solve(self, programs: Sequence[Program]) -> list[Solution]:
         return [self.answer(program) for program in programs[self.wrong_number :]]
+
+    def prepare(self, shape: Shape) -> None:
+        """It knows all it needs."""
 
 
 def says(status: Status, margin: float, grams: tuple | None) -> Oracle:

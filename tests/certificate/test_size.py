@@ -96,7 +96,7 @@ def test_nothing_of_a_proof_is_made_that_no_checker_reads() -> None:
         decreases_on(problem, funnel, statement.graph, stretch)
 
 
-SIZE = ProofSize(5, 4, 1, 16, 1287, 126, memory=6e9, seconds=3000.0)
+SIZE = ProofSize(5, 4, 1, 16, 1287, 126, memory=6e9, seconds=3000.0, shapes=())
 
 
 def test_programs_are_solved_side_by_side_as_far_as_memory_goes() -> None:
