@@ -19,6 +19,7 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 from cfjax import InputError, Interval, Options, Problem, Verdict, ball, synthesize, tube
 from cfjax.certificate.writing import dump
+from cfjax.check.bounds import Bounds
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import rational
 from cfjax.report.files import write_whole
@@ -47,11 +48,17 @@ class Wish(NamedTuple):
 
     def is_met_by(self, found: CertifiedTube) -> bool:
         """Whether the proven tube is at least as good: bounds as wide, and the width of this wish."""
+        curvature, speed, acceleration = (
+            (rational(lower), rational(upper))
+            for lower, upper in (
+                (-self.curvature, self.curvature),
+                self.speed,
+                (-self.acceleration, self.acceleration),
+            )
+        )
         reach = max(float(found.inverse[i, i]) for i in range(len(found.shape))) ** 0.5
         return (
-            found.curvature == (-rational(self.curvature), rational(self.curvature))
-            and found.speed == tuple(map(rational, self.speed))
-            and found.acceleration == (-rational(self.acceleration), rational(self.acceleration))
+            found.bounds == Bounds(curvature, speed, acceleration)
             and self.inlet < reach < self.goal
             and found.beta_inner == rational(BETA_INNER)
         )

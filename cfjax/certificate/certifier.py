@@ -27,16 +27,16 @@ from cfjax.certificate.stretches import (
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_clearance, write_decrease, write_problem
 from cfjax.check import Outcome, check_document
+from cfjax.check.bounds import Bounds
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.containment import broken_containments
-from cfjax.check.document import MOST_GRAM_ENTRIES, Course, FunnelClaim, ProblemClaim, read_problem
+from cfjax.check.document import MOST_GRAM_ENTRIES, FunnelClaim, ProblemClaim, read_problem
 from cfjax.check.graph import Graph
 from cfjax.check.meaning import require_meaning
 from cfjax.check.proof import broken_link, links
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken, Unreadable
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import TubeClaim
 from cfjax.coerce import function, instances, number, objects, whole
 from cfjax.errors import InputError
 from cfjax.falsifier import Suspect
@@ -139,7 +139,7 @@ def certify(
         oracle = solver_named(solver, workers)
         for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
             prover = Prover(problem, funnel, graph, kind, room, oracle, clock, progress)
-            found.append(prover.along(segment if isinstance(segment, TubeClaim) else segment.pieces, target))
+            found.append(prover.along(segment if isinstance(segment, Bounds) else segment.pieces, target))
             room -= prover.entries * len(found[-1])
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
         raise InputError(str(error)) from None
@@ -200,8 +200,7 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
     def fail(reason: str, place: tuple[float, float] | None = None) -> NotProven:
         return NotProven(Verdict.INCONCLUSIVE, f"not proven: {reason}", place=place)
 
-    course = claim.course
-    kinds = course.kinds if isinstance(course, Course) else (0,)
+    course, kinds = claim.course, claim.kinds
     for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
         broken = broken_containments(
             claim.vehicle.states,
@@ -215,16 +214,16 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
         )
         if broken:
             raise fail("; ".join(broken))
-    if isinstance(course, TubeClaim):
+    if isinstance(course, Bounds):
         return []
     written = [_claimed(funnel) for funnel in rounded]
     for before, after, gap in links(course):
-        first, second = written[course.kinds[before]], written[course.kinds[after]]
+        first, second = written[kinds[before]], written[kinds[after]]
         if reason := broken_link(first, course.segments[before].duration, second, gap):
             end = problem.path.segments[before].duration
             raise fail(f"from segment {before} to segment {after}: {reason}", place_on(problem.path, before, end, end))
     planes: list[list[list[list[HalfPlane]]]] = []
-    for index, (segment, kind) in enumerate(zip(course.segments, course.kinds, strict=True)):
+    for index, (segment, kind) in enumerate(zip(course.segments, kinds, strict=True)):
         own, start = rounded[kind], course.reference.poses[index]
         try:
             planes.append(

@@ -11,11 +11,12 @@ from flint import fmpq
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.plan import CELLS
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, round_funnel
+from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import MOST_GRAM_ENTRIES
 from cfjax.check.reader import Broken
+from cfjax.check.structure import has_tube_structure
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import TubeClaim, has_tube_structure
 from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
@@ -44,7 +45,7 @@ def put_together(
     """
     claim, segment, own = statement.claim, problem.path.distinct[kind], statement.claim.distinct[kind]
     shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)
-    if isinstance(own, TubeClaim):
+    if isinstance(own, Bounds):
         rate, stretch = 0.0, Stretch(fmpq(0), fmpq(0), own)
     else:
         dynamics = symbolic(statement.graph, claim.vehicle.states, tuple(claim.inputs))

@@ -18,6 +18,7 @@ from cfjax.certificate.program import program_of, prove, solved
 from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.stretches import NotProven
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
+from cfjax.check.bounds import Bounds
 from cfjax.check.chain import CHAIN, prove_runs, read_chain
 from cfjax.check.chain_robustness import question_of, timing_of
 from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, read_certificate
@@ -28,8 +29,8 @@ from cfjax.check.piece import between
 from cfjax.check.program import CellProof
 from cfjax.check.rational import rational
 from cfjax.check.robustness import motions, tube_motions
+from cfjax.check.structure import require_tube_structure
 from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import TubeClaim, require_tube_structure
 from cfjax.coerce import instance, whole
 from cfjax.result import Result
 from cfjax.solver import DEFAULT, Program, Solution, Solver, solver_named
@@ -110,7 +111,7 @@ def hints_for(
 
 
 def tube_hints(
-    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, solver: Solver
+    problem: ProblemClaim, dynamics: Symbolic, tube: Bounds, funnel: FunnelClaim, solver: Solver
 ) -> list[dict[str, Any]]:
     """For a tube, in bands of speed.
 
@@ -125,7 +126,7 @@ def tube_hints(
     return found
 
 
-def speed_bands(tube: TubeClaim) -> list[fmpq]:
+def speed_bands(tube: Bounds) -> list[fmpq]:
     """Ends of bands of speed, of equal ratio: as many as it takes to stay near BAND, and no more than MOST_BANDS."""
     lower, upper = tube.speed
     count = max(1, min(MOST_BANDS, round(math.log(float(upper / lower), BAND))))

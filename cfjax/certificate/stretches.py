@@ -22,7 +22,8 @@ from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, so
 from cfjax.certificate.rounding import GRAM_BITS, round_rate, round_shape, round_whitening
 from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_funnel, write_stretch
-from cfjax.check.decrease import Cell, Extreme, SteadyDecrease, level_pieces
+from cfjax.check.bounds import Bounds, Extreme, Range, place_of
+from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
 from cfjax.check.document import MOST_MONOMIALS, CellKey
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
@@ -31,8 +32,8 @@ from cfjax.check.program import Matrix
 from cfjax.check.proof import extremes_of, signs_text
 from cfjax.check.rational import decimal_text, rational
 from cfjax.check.reader import Broken
+from cfjax.check.structure import has_tube_structure
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import SmoothTube, TubeClaim, has_tube_structure, place_of
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
 from cfjax.problem import Path, Problem, Segment, Tube
@@ -49,7 +50,6 @@ BOUND_BITS = 20  # of these bounds
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider than the samples
 
 Progress = Callable[[str, int, int], None]
-Bounds = tuple[fmpq, fmpq]
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Stretch:
 
     begin: fmpq
     end: fmpq
-    bounds: TubeClaim
+    bounds: Bounds
 
     @property
     def name(self) -> str:
@@ -144,7 +144,7 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = F
     first = parts[0]
     if all(part.is_constant and part.speed == first.speed and part.turn_rate == first.turn_rate for part in parts):
         kappa, v, zero = first.turn_rate[0] / first.speed[0], first.speed[0], fmpq(0)
-        return Stretch(begin, end, TubeClaim((kappa, kappa), (v, v), (zero, zero)))
+        return Stretch(begin, end, Bounds((kappa, kappa), (v, v), (zero, zero)))
     profiles = [_sampled(part) for part in parts]
     speed, turn, slope, turn_slope = (np.concatenate(each) for each in zip(*profiles, strict=True))
     if not speed.min() > 0:
@@ -154,10 +154,8 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = F
     level = (first.speed[0], first.speed[0]), (fmpq(0), fmpq(0))
     for slack in SLACKS:
         moving = level if _is_constant(parts) else (_around(speed, slack), _around(slope, slack))
-        bounds = TubeClaim(_around(turn / speed, slack), *moving)
-        if is_smooth:
-            rate = (turn_slope - turn / speed * slope) / speed
-            bounds = SmoothTube(bounds.curvature, *moving, _around(rate, slack))
+        changing = _around((turn_slope - turn / speed * slope) / speed, slack) if is_smooth else None
+        bounds = Bounds(_around(turn / speed, slack), *moving, changing)
         if bounds.speed[0] > 0 and all(part.inside(bounds) for part in parts):
             return Stretch(begin, end, bounds)
     raise ValueError(f"no bounds are proven between theta = {float(begin):.4g} and {float(end):.4g} s")
@@ -175,7 +173,7 @@ def _sampled(part: Piece) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
     return speed(t), turn(t), speed.deriv()(t) + 0 * t, turn.deriv()(t) + 0 * t
 
 
-def _around(values: np.ndarray, slack: float) -> Bounds:
+def _around(values: np.ndarray, slack: float) -> Range:
     spare = slack * (1 + float(np.abs(values).max()))
     low, high = math.ldexp(float(values.min()) - spare, BOUND_BITS), math.ldexp(float(values.max()) + spare, BOUND_BITS)
     return fmpq(math.floor(low), 2**BOUND_BITS), fmpq(math.ceil(high), 2**BOUND_BITS)
@@ -310,7 +308,7 @@ class Prover:
         self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0
 
-    def along(self, segment: Sequence[Piece] | TubeClaim, target: float) -> list[StretchProof]:
+    def along(self, segment: Sequence[Piece] | Bounds, target: float) -> list[StretchProof]:
         """Stretches that cover the segment, as many as the target (1/s) needs; with target 0 a single one.
 
         The falsifier plans them. One that proves less than it was planned for is halved, as long as that can help.
@@ -318,7 +316,7 @@ class Prover:
         Raises:
             NotProven: a stretch that is not cut any further proves nothing.
         """
-        if isinstance(segment, TubeClaim):
+        if isinstance(segment, Bounds):
             return [self.prove(Stretch(fmpq(0), fmpq(0), segment), 0.0)]
         duration = sum((piece.duration for piece in segment), fmpq(0))
         ends, target = self._planned(segment, duration, target)

@@ -7,9 +7,10 @@ from typing import Any
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import BOUNDS, CURVATURE_RATE, FORMAT, VERSION, CellKey, document_hash
+from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
 from cfjax.check.meaning import closes
@@ -17,7 +18,6 @@ from cfjax.check.piece import Piece
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import SmoothTube, TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
 from cfjax.exact import exact_course, write_pieces
@@ -88,7 +88,7 @@ def write_decrease(degrees: Sequence[int], stretches: list[dict]) -> dict[str, A
 
 def write_stretch(
     end: fmpq,
-    bounds: TubeClaim,
+    bounds: Bounds,
     decrease: SteadyDecrease,
     cells: Sequence[tuple[CellKey, fmpq, Sequence[Gram]]],
 ) -> dict[str, Any]:
@@ -131,10 +131,9 @@ def write_grams(grams: Sequence[Gram]) -> list[dict[str, Any]]:
     return [{"exponent": gram.exponent, "lower": list(gram.lower)} for gram in grams]
 
 
-def write_bounds(bounds: TubeClaim) -> dict[str, Any]:
+def write_bounds(bounds: Bounds) -> dict[str, Any]:
     """Intervals of curvature, speed and acceleration, and of the curvature's rate where that is bounded."""
-    names = (*BOUNDS, CURVATURE_RATE) if isinstance(bounds, SmoothTube) else BOUNDS
-    return {name: [str(end) for end in getattr(bounds, name)] for name in names}
+    return {name: [str(end) for end in ends] for name, ends in bounds.intervals.items()}
 
 
 def write_clearance(planes: Sequence[Sequence[Sequence[Sequence[HalfPlane]]]]) -> list:
@@ -211,7 +210,7 @@ def _path(problem: Problem, graph: Graph) -> dict[str, Any]:
             (rational(float(interval.lower)), rational(float(interval.upper)))
             for interval in (tube.curvature, tube.speed, tube.acceleration)
         )
-        return {"name": path.name, "tube": write_bounds(TubeClaim(*bounds))}
+        return {"name": path.name, "tube": write_bounds(Bounds(*bounds))}
     reference = exact_course(path)
     return {
         "name": path.name,

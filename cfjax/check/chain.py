@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
 from cfjax.check.containment import broken_containments
 from cfjax.check.document import (
@@ -36,7 +37,6 @@ from cfjax.check.reference import Reference, is_closed
 from cfjax.check.report import Outcome, Report
 from cfjax.check.similarity import scaled, served
 from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES, POSE
 
 
@@ -74,17 +74,15 @@ def tube_of(document: object, name: str) -> CertifiedTube:
         Unreadable: no certificate, or one of something else.
     """
     problem, (funnel, *_) = read_claims(document)
-    tube = problem.course
-    if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
+    bounds = problem.course
+    if not isinstance(bounds, Bounds) or funnel.margin_per_metre is None:
         raise Unreadable("expected the certificate of a tube, got one of something else")
     return CertifiedTube(
         name=name,
         vehicle=problem.vehicle.name,
         parameters=problem.vehicle.parameters,
         method=problem.method,
-        curvature=tube.curvature,
-        speed=tube.speed,
-        acceleration=tube.acceleration,
+        bounds=bounds,
         shape=funnel.shape,
         beta_lower=funnel.beta_lower,
         beta_inner=funnel.beta_inner,

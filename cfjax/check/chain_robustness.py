@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.chain import ChainClaim, broken_goal, prove_runs
 from cfjax.check.document import FunnelClaim, ProblemClaim, read_claims
@@ -35,7 +36,6 @@ from cfjax.check.rational import decimal_text, dyadic, rational, sqrt_lower
 from cfjax.check.reader import Broken
 from cfjax.check.robustness import SHARE, Absorbed, Rates, Robustness, absorbed, bands_of, least_level, tube_rates
 from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import Range, TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
@@ -62,7 +62,7 @@ class HeldTube:
     """A tube with bounds over it along the path's runs there, in the path's units."""
 
     tube: CertifiedTube
-    bounds: TubeClaim  # of the path along its runs
+    bounds: Bounds  # of the path along its runs
     told: Told
     fastest: fmpq  # u0_hi of the whole path
     bands: tuple[Range, ...]  # speeds, m/s
@@ -129,7 +129,7 @@ class Question:
 
     problem: ProblemClaim
     dynamics: Symbolic
-    along: TubeClaim
+    along: Bounds
     funnel: FunnelClaim  # margins as they are told
 
 
@@ -138,7 +138,7 @@ def timing_of(runs: Sequence[Run]) -> Range:
     return min(run.tube.timing[0] for run in runs), max(run.tube.timing[1] for run in runs)
 
 
-def question_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: TubeClaim, timing: Range) -> Question:
+def question_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: Bounds, timing: Range) -> Question:
     """Of the tube with that index, in the path's units `tube`; bounds of the path along its runs there.
 
     Raises:
@@ -175,7 +175,7 @@ def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tup
             raise Broken(f"tube {index}: it holds nowhere along the path")
         if not all(piece.inside(own.bounds) for run in mine for piece in pieces[run.begin : run.end]):
             raise Broken(f"robustness: the path leaves the bounds that are told of it in tube {index}")
-        if not own.bounds.lies_in(mine[0].tube):
+        if not own.bounds.lies_in(mine[0].tube.bounds):
             raise Broken(f"robustness: the bounds that are told of the path are wider than tube {index}")
         question = question_of(claim, index, mine[0].tube, own.bounds, timing)
         held.append(_held(mine[0].tube, question, timing, own, claim.tubes[index][1:], effort))

@@ -5,8 +5,8 @@ V̇ ≤ −λ on the shell" reads (`cfjax.funnel.template`)
 
     for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ drop(q).
 
-Along a tube it has to hold at several references (`cfjax.check.tube`), for some of them with the same input at the same
-y: these share the s_i below, which are then those of their nominal reference.
+Within bounds it has to hold at several references (`cfjax.check.bounds`), for some of them with the same input at the
+same y: these share the s_i below, which are then those of their nominal reference.
 
 The shell is cut at the q where `drop` has its kink, and each piece into the cells of one sign pattern of the
 polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
@@ -27,10 +27,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
 
 from flint import arb, fmpq, fmpq_mpoly
 
+from cfjax.check.bounds import Extreme
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.program import CellProof, FunnelProgram, Matrix
@@ -66,13 +66,6 @@ def level_bounds(template: str, rate: fmpq, theta: fmpq) -> tuple[fmpq, fmpq]:
     if template == "contracting":
         return exp_bounds(-rate * theta)
     raise ValueError(f"unknown template {template!r}")
-
-
-class Extreme(NamedTuple):
-    """One reference that has to be proven, and the one at which the signs of its cells are read; by profile names."""
-
-    nominal: Mapping[str, fmpq]
-    profile: Mapping[str, fmpq]
 
 
 def level_pieces(

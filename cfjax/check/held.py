@@ -330,7 +330,8 @@ class Terms:
     """Sizes of terms of V̇ and V̈ over one range of levels: every polynomial bounded term by term.
 
     `parameters` as in `HeldMotion`; `slopes` bounds |dr/dθ| of the reference's, where that is looked at. With other
-    references to look at, the dynamics have to be those of a tube (`cfjax.check.tube`): what jumps multiplies u0 alone.
+    references to look at, the dynamics have to be those of a tube (`cfjax.check.structure`): what jumps multiplies u0
+    alone.
     """
 
     dynamics: Symbolic

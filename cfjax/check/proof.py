@@ -1,7 +1,7 @@
 """A funnel's claims proven: containments, decrease along θ, links from segment to segment, clearance of obstacles.
 
 Condition (d) is proven stretch by stretch. A stretch is a range of θ with bounds of curvature, speed and acceleration
-(`cfjax.check.tube`) that hold along it, and the levels that the funnel has there; θ is eliminated on it, and the
+(`cfjax.check.bounds`) that hold along it, and the levels that the funnel has there; θ is eliminated on it, and the
 extreme references of its bounds speak for every place. A tube is one stretch, a steady segment one of a single
 reference.
 
@@ -14,9 +14,10 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from flint import fmpq, fmpq_mat
 
+from cfjax.check.bounds import Bounds, Extreme, place_of
 from cfjax.check.clearance import prove_clearance
 from cfjax.check.containment import broken_containments
-from cfjax.check.decrease import Extreme, SteadyDecrease, level_bounds, level_pieces
+from cfjax.check.decrease import SteadyDecrease, level_bounds, level_pieces
 from cfjax.check.document import (
     CellKey,
     Certificate,
@@ -35,15 +36,8 @@ from cfjax.check.program import CellProof
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, is_closed
+from cfjax.check.structure import is_mirrored, require_affine_reference, require_tube_structure
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import (
-    SmoothTube,
-    TubeClaim,
-    is_mirrored,
-    place_of,
-    require_affine_reference,
-    require_tube_structure,
-)
 
 
 MOST_EFFORT = 8 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
@@ -59,8 +53,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
         Broken, ValueError: says what is not proven.
     """
     problem, funnels = certificate.problem, certificate.funnels
-    course = problem.course
-    kinds = course.kinds if isinstance(course, Course) else (0,)
+    course, kinds = problem.course, problem.kinds
     effort = Budget(MOST_EFFORT)
     require_meaning(problem, dynamics)
     for index, (segment, funnel) in enumerate(zip(problem.distinct, funnels, strict=True)):
@@ -155,7 +148,7 @@ def _prove_clearance(certificate: Certificate, course: Course) -> None:
 def _prove_decrease(
     problem: ProblemClaim,
     dynamics: Symbolic,
-    segment: SegmentClaim | TubeClaim,
+    segment: SegmentClaim | Bounds,
     funnel: FunnelClaim,
     hints: DecreaseHints,
     effort: Budget,
@@ -166,7 +159,7 @@ def _prove_decrease(
         raise Broken("condition (d): the claimed margin is not positive")
     if isinstance(segment, SegmentClaim) and per_metre is not None:
         raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
-    if isinstance(segment, TubeClaim) and (funnel.rate != 0 or per_metre is None):
+    if isinstance(segment, Bounds) and (funnel.rate != 0 or per_metre is None):
         raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
     if isinstance(segment, SegmentClaim) and turning_jumps(segment.pieces):
         # from piece to piece, where no stretch sees it: the deviation must not
@@ -181,9 +174,9 @@ def _prove_decrease(
         raise Broken("condition (d): the stretches of the proof do not end where the segment does")
 
 
-def _check_stretch(segment: SegmentClaim | TubeClaim, begin: fmpq, stretch: StretchHints) -> None:
+def _check_stretch(segment: SegmentClaim | Bounds, begin: fmpq, stretch: StretchHints) -> None:
     """Its bounds hold along it."""
-    if isinstance(segment, TubeClaim):
+    if isinstance(segment, Bounds):
         if stretch.end != 0 or stretch.bounds != segment:
             raise Broken("condition (d): a tube is one stretch with the tube's own bounds")
         return
@@ -201,7 +194,7 @@ def extremes_of(
     states: Sequence[str],
     inputs: Mapping[str, tuple[fmpq, fmpq]],
     shape: Sequence[Sequence[fmpq]],
-    bounds: TubeClaim,
+    bounds: Bounds,
 ) -> list[Extreme]:
     """The references at which (d) has to be proven for all within the bounds.
 
@@ -210,7 +203,7 @@ def extremes_of(
     """
     if bounds.is_single:
         return bounds.extremes()
-    if isinstance(bounds, SmoothTube):
+    if bounds.curvature_rate is not None:
         require_affine_reference(dynamics)
         return bounds.extremes()
     require_tube_structure(dynamics)
@@ -261,7 +254,7 @@ def _prove_stretch(
             proven = question.proven_margin(CellProof(cell, margin, grams))
         except ValueError as error:
             raise Broken(f"{place}: {error}") from None
-        # affine in the speed between its ends, as V' is (`cfjax.check.tube`)
+        # affine in the speed between its ends, as V' is (`cfjax.check.structure`)
         claims = [(funnel.margin, fmpq(1), "1/s")]
         if per_metre is not None:
             claims.append((per_metre, question.extreme.profile["speed"], "1/m"))

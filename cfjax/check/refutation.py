@@ -13,18 +13,17 @@ from itertools import product
 
 from flint import arb, fmpq
 
+from cfjax.check.bounds import Bounds, Extreme
 from cfjax.check.containment import HEADING
-from cfjax.check.decrease import Extreme
-from cfjax.check.document import Course, FunnelClaim, ProblemClaim, SegmentClaim, Witness
+from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, Witness
 from cfjax.check.graph import Graph
 from cfjax.check.rational import exp_bounds, pi_lower, pi_upper
 from cfjax.check.reader import Broken
-from cfjax.check.tube import TubeClaim
 
 
-def references_of(segment: SegmentClaim | TubeClaim, theta: fmpq) -> list[Extreme]:
+def references_of(segment: SegmentClaim | Bounds, theta: fmpq) -> list[Extreme]:
     """What the funnel has to hold for at θ: a segment's one reference there, a tube's extreme ones."""
-    if isinstance(segment, TubeClaim):
+    if isinstance(segment, Bounds):
         return segment.extremes()
     profile = segment.profile(theta)
     return [Extreme(profile, profile)]
@@ -38,18 +37,17 @@ def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness
     """
     states, x, theta = problem.vehicle.states, witness.x, witness.theta
     segment = problem.distinct[witness.funnel]
-    kinds = problem.course.kinds if isinstance(problem.course, Course) else (0,)
     if not 0 <= theta <= segment.duration:
         raise Broken("witness: theta lies outside the segment")
     if witness.condition in "ab" and theta != (0 if witness.condition == "a" else segment.duration):
         raise Broken(f"witness: condition ({witness.condition}) is about one end of the segment, not this theta")
-    asked = {"a": witness.funnel == kinds[0], "b": witness.funnel == kinds[-1]}
+    asked = {"a": witness.funnel == problem.kinds[0], "b": witness.funnel == problem.kinds[-1]}
     if not asked.get(witness.condition, True):
         raise Broken(f"witness: condition ({witness.condition}) is not asked of this segment")
     extremes = references_of(segment, theta)
     if witness.reference >= len(extremes):
         raise Broken("witness: no such reference")
-    if isinstance(segment, TubeClaim) and funnel.rate != 0:
+    if isinstance(segment, Bounds) and funnel.rate != 0:
         raise Broken("witness: the V of a tube has rate 0")
     form = _form(funnel.shape, x)
     exponent = -funnel.rate * theta

@@ -37,6 +37,7 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
 
+from cfjax.check.bounds import Bounds
 from cfjax.check.certified import LAW_SHARE
 from cfjax.check.decrease import level_bounds
 from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
@@ -61,16 +62,15 @@ from cfjax.check.program import CellProof, Gram
 from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
 from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
 from cfjax.check.reader import Broken
-from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import (
+from cfjax.check.structure import (
     SPEED,
     SPEED_SLOPE,
     TURN_RATE,
     TURN_RATE_SLOPE,
-    TubeClaim,
     is_mirrored,
     require_tube_structure,
 )
+from cfjax.check.symbolic import Symbolic
 
 
 SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
@@ -168,7 +168,7 @@ class Robustness:
     rates: tuple[Rates, ...]  # of each distinct segment, or of each band of a tube's speeds
     bands: tuple[tuple[fmpq, fmpq], ...] = ()  # of a tube: speeds, m/s
     by_speed: tuple[Absorbed, ...] = ()  # what is absorbed by itself at the speeds of each band
-    along: tuple[TubeClaim, ...] = ()  # of a path in tubes: for each run, bounds for all of which the law has to ask
+    along: tuple[Bounds, ...] = ()  # of a path in tubes: for each run, bounds for all of which the law has to ask
 
 
 def prove_robustness(
@@ -184,7 +184,7 @@ def prove_robustness(
     # the λ and the shell that the report names, as it prints them, for every funnel
     margin = rational(decimal_text(min(funnel.margin for funnel in certificate.funnels), ROUND_FLOOR))
     shell = rational(decimal_text(max(funnel.beta_lower for funnel in certificate.funnels), ROUND_CEILING))
-    if isinstance(course, TubeClaim):
+    if isinstance(course, Bounds):
         (funnel,), (own,) = certificate.funnels, hints
         assert funnel.margin_per_metre is not None  # a tube's certificate has it
         per_metre = rational(decimal_text(funnel.margin_per_metre, ROUND_FLOOR))
@@ -202,7 +202,7 @@ def prove_robustness(
 def _of_tube(
     problem: ProblemClaim,
     dynamics: Symbolic,
-    tube: TubeClaim,
+    tube: Bounds,
     funnel: FunnelClaim,
     shell: fmpq,
     hints: Sequence[HeldStretch],
@@ -219,7 +219,7 @@ def _of_tube(
     return replace(absorbed(rates), bands=bands, by_speed=_by_speed(rates))
 
 
-def bands_of(tube: TubeClaim, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fmpq], ...]:
+def bands_of(tube: Bounds, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fmpq], ...]:
     """The bands of speed (m/s) that the hints are for.
 
     Raises:
@@ -376,7 +376,7 @@ def prove_rates(
 def tube_rates(
     problem: ProblemClaim,
     dynamics: Symbolic,
-    tube: TubeClaim,
+    tube: Bounds,
     funnel: FunnelClaim,
     band: tuple[fmpq, fmpq],
     inner: fmpq,
@@ -446,7 +446,7 @@ def motions(
 
 
 def tube_motions(
-    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, band: tuple[fmpq, fmpq]
+    problem: ProblemClaim, dynamics: Symbolic, tube: Bounds, funnel: FunnelClaim, band: tuple[fmpq, fmpq]
 ) -> list[tuple[HeldMotion, Terms]]:
     """The same in a tube, for what is measured at a speed of the band (m/s)."""
     steepest = max(map(abs, tube.acceleration))
@@ -463,7 +463,7 @@ def tube_motions(
     return _motions(problem, dynamics, box, slopes, asked, mirrored, funnel, (fmpq(0), fmpq(0)))
 
 
-def _is_even(tube: TubeClaim) -> bool:
+def _is_even(tube: Bounds) -> bool:
     """Whether no speed of it ever changes."""
     return tube.acceleration == (0, 0)
 
@@ -595,8 +595,9 @@ def _jump(before: Piece, after: Piece, found: Sequence[_Sizes]) -> fmpq:
     """By how much V̇ jumps where one piece follows another one.
 
     Where the turning rate jumps, what V̇ gains with it and with acceleration depends on states and inputs alone
-    (`cfjax.check.tube`): it is bounded whatever else of the reference is to either side of the joint. Else acceleration
-    and the turning rate's slope jump: one after the other, each at what the other one is on one of the two sides.
+    (`cfjax.check.structure`): it is bounded whatever else of the reference is to either side of the joint. Else
+    acceleration and the turning rate's slope jump: one after the other, each at what the other one is on one of the two
+    sides.
     """
     ends = {name: evaluate(values, before.duration) for name, values in _profile(before).items()}
     starts = {name: values[0] for name, values in _profile(after).items()}

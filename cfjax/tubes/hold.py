@@ -158,7 +158,7 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
                 margin_falsified=falsified.get(tube.name, math.nan),
                 margin_certified=float_below(tube.margin),
                 margin_per_metre=float_below(tube.margin_per_metre),
-                reference=tube_within(tube),
+                reference=tube_within(tube.bounds),
                 along=tube_within(along[tube]),
                 span=(0.0 if run.begin == 0 else float(ends[run.begin - 1]), float(ends[run.end - 1])),
             )
