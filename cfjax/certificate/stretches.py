@@ -21,12 +21,13 @@ from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
 from cfjax.certificate.rounding import GRAM_BITS, round_rate, round_shape, round_whitening
 from cfjax.certificate.trace import dynamics_of
-from cfjax.certificate.writing import write_funnel, write_stretch
+from cfjax.certificate.writing import write_stretch
 from cfjax.check.bounds import Bounds, Extreme, Range, place_of
-from cfjax.check.decrease import Cell, SteadyDecrease, level_pieces
-from cfjax.check.document import MOST_MONOMIALS, CellKey
+from cfjax.check.decrease import Cell, SteadyDecrease
+from cfjax.check.document import MOST_MONOMIALS, CellKey, FunnelClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
+from cfjax.check.level import LEVELS, Level
 from cfjax.check.piece import Piece, between
 from cfjax.check.program import Matrix
 from cfjax.check.proof import extremes_of, signs_text
@@ -57,14 +58,14 @@ class RoundedFunnel:
     """A funnel whose numbers are short rationals and floating-point numbers at once."""
 
     funnel: Funnel
+    level: Level
     shape: Matrix
-    rate: fmpq
     beta_lower: fmpq
     beta_inner: fmpq
 
-    def write(self, margin: fmpq, margin_per_metre: fmpq | None) -> dict[str, Any]:
-        levels = self.beta_lower, self.beta_inner
-        return write_funnel(self.funnel.template.name, self.shape, self.rate, levels, margin, margin_per_metre)
+    def claim(self, margin: fmpq = fmpq(0), margin_per_metre: fmpq | None = None) -> FunnelClaim:
+        """What a file says of it."""
+        return FunnelClaim(self.level, self.shape, self.beta_lower, self.beta_inner, margin, margin_per_metre)
 
 
 def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
@@ -76,7 +77,8 @@ def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
         rate=float(rate),
         duration=segment.duration,
     )
-    return RoundedFunnel(same, shape, rate, rational(float(funnel.beta_lower)), rational(float(funnel.inner)))
+    level = LEVELS[funnel.template.name](rate)
+    return RoundedFunnel(same, level, shape, rational(float(funnel.beta_lower)), rational(float(funnel.inner)))
 
 
 class NotProven(Exception):
@@ -199,8 +201,7 @@ def decreases_on(
         name: (rational(float(limits.lower)), rational(float(limits.upper)))
         for name, limits in zip(names, problem.inputs, strict=True)
     }
-    template, span = rounded.funnel.template.name, (stretch.begin, stretch.end)
-    pieces = level_pieces(template, rounded.rate, span, rounded.beta_lower, rounded.beta_inner)
+    pieces = rounded.level.shell((stretch.begin, stretch.end), rounded.beta_lower, rounded.beta_inner)
     dynamics = symbolic(graph, states, tuple(box))
     extremes = extremes_of(dynamics, states, box, rounded.shape, stretch.bounds)
     peak = max(piece.upper for piece in pieces)
@@ -373,7 +374,7 @@ class Prover:
 
     def _can_gain(self, stretch: Stretch) -> bool:
         """Whether shorter stretches could prove more: not where nothing changes along it."""
-        return not (stretch.bounds.is_single and self.rounded.rate == 0)
+        return not (stretch.bounds.is_single and self.rounded.level.rate == 0)
 
     def prove(self, stretch: Stretch, target: float) -> StretchProof:
         """All cells of a stretch.

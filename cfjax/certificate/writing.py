@@ -10,12 +10,12 @@ from flint import fmpq
 from cfjax.check.bounds import Bounds
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import FORMAT, VERSION, CellKey, document_hash
+from cfjax.check.document import FORMAT, VERSION, CellKey, FunnelClaim, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
 from cfjax.check.meaning import closes
 from cfjax.check.piece import Piece
-from cfjax.check.program import Gram, Matrix
+from cfjax.check.program import Gram
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
@@ -60,24 +60,17 @@ def write_vehicle(vehicle: Vehicle, graph: Graph) -> dict[str, Any]:
     }
 
 
-def write_funnel(
-    template: str,
-    shape: Matrix,
-    rate: fmpq,
-    levels: tuple[fmpq, fmpq],
-    margin: fmpq,
-    margin_per_metre: fmpq | None = None,
-) -> dict[str, Any]:
-    """The V of one kind of segment with the margin that is claimed for it; `levels` are β̲ and β_in."""
+def write_funnel(funnel: FunnelClaim) -> dict[str, Any]:
+    """The V of one kind of segment with the margin that is claimed for it."""
     return {
-        "template": template,
-        "shape": [str(shape[i][j]) for i in range(len(shape)) for j in range(i + 1)],
-        "rate": str(rate),
+        "template": funnel.level.name,
+        "shape": [str(funnel.shape[i][j]) for i in range(len(funnel.shape)) for j in range(i + 1)],
+        "rate": str(funnel.level.rate),
         "beta": "1",
-        "beta_lower": str(levels[0]),
-        "beta_inner": str(levels[1]),
-        "margin": str(margin),
-        "margin_per_metre": None if margin_per_metre is None else str(margin_per_metre),
+        "beta_lower": str(funnel.beta_lower),
+        "beta_inner": str(funnel.beta_inner),
+        "margin": str(funnel.margin),
+        "margin_per_metre": None if funnel.margin_per_metre is None else str(funnel.margin_per_metre),
     }
 
 

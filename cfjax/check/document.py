@@ -15,7 +15,9 @@ from flint import acb, arb, fmpq
 
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
+from cfjax.check.containment import Asked
 from cfjax.check.graph import ARITY, Graph, Node
+from cfjax.check.level import LEVELS, Level
 from cfjax.check.piece import Piece, are_steady
 from cfjax.check.polynomial import Coefficients
 from cfjax.check.program import Gram, Matrix
@@ -29,7 +31,6 @@ VERSION = 3
 CLAIMS = ("funnel", "refutation")
 BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate"
 PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
-TEMPLATES = {"paper": "c0", "contracting": "rate"}
 MOST_STATES = 6
 MOST_PARAMETERS = 32  # of a vehicle
 MOST_INPUTS = 4  # u0 among them
@@ -133,14 +134,18 @@ class ProblemClaim:
             return (course,)
         return tuple(course.segments[self.kinds.index(kind)] for kind in range(max(self.kinds) + 1))
 
+    def asked(self, kind: int) -> Asked:
+        """What is asked of the funnel along segments of that kind."""
+        first, last = kind == self.kinds[0], kind == self.kinds[-1]
+        return Asked(self.inlet if first else None, self.goal if last else None, self.safe)
+
 
 @dataclass(frozen=True)
 class FunnelClaim:
     """V of a template on segments of one kind, β = 1, and the margin λ (1/s) claimed; of a tube, per metre too."""
 
-    template: str
+    level: Level
     shape: Matrix
-    rate: fmpq
     beta_lower: fmpq
     beta_inner: fmpq
     margin: fmpq
@@ -429,9 +434,8 @@ def _funnel(item: Item, size: int) -> FunnelClaim:
     if innermost > inner:
         beta_inner.refuse("a rational above 0, at most beta_lower")
     return FunnelClaim(
-        template=template.choice(*TEMPLATES),
+        level=LEVELS[template.choice(*LEVELS)](rate.rational()),
         shape=_symmetric(shape, size),
-        rate=rate.rational(),
         beta_lower=inner,
         beta_inner=innermost,
         margin=margin.rational(),

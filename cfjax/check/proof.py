@@ -15,9 +15,9 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 from flint import fmpq, fmpq_mat
 
 from cfjax.check.bounds import Bounds, Extreme, place_of
-from cfjax.check.clearance import prove_clearance
+from cfjax.check.clearance import Shadow, prove_clearance
 from cfjax.check.containment import broken_containments
-from cfjax.check.decrease import SteadyDecrease, level_bounds, level_pieces
+from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import (
     CellKey,
     Certificate,
@@ -57,16 +57,8 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
     effort = Budget(MOST_EFFORT)
     require_meaning(problem, dynamics)
     for index, (segment, funnel) in enumerate(zip(problem.distinct, funnels, strict=True)):
-        broken = broken_containments(
-            problem.vehicle.states,
-            funnel.shape,
-            funnel.template,
-            funnel.rate,
-            segment.duration,
-            problem.inlet if index == kinds[0] else None,
-            problem.goal if index == kinds[-1] else None,
-            problem.safe,
-        )
+        end = funnel.level.bounds(segment.duration)
+        broken = broken_containments(problem.vehicle.states, funnel.shape, end, problem.asked(index))
         if broken:
             raise Broken(_of(index, kinds) + "; ".join(broken))
     if isinstance(course, Course):
@@ -94,7 +86,7 @@ def broken_link(first: FunnelClaim, duration: fmpq, second: FunnelClaim, gap: Ga
     jump = gap.jump(second.shape, fmpq_mat([list(row) for row in second.shape]).inv())
     if jump >= 1:
         return "the reference jumps by more than the next funnel is wide"
-    level = level_bounds(first.template, first.rate, duration)[1] / (1 - jump) ** 2
+    level = first.level.bounds(duration)[1] / (1 - jump) ** 2
     rows = zip(first.shape, second.shape, strict=True)
     if not is_positive_definite([[a - level * b for a, b in zip(one, two, strict=True)] for one, two in rows]):
         return "the end of the funnel does not lie inside the start of the next"
@@ -136,8 +128,8 @@ def _prove_clearance(certificate: Certificate, course: Course) -> None:
         for number, (obstacle, by_disc) in enumerate(zip(problem.obstacles, by_obstacle, strict=True)):
             for disc, planes in zip(problem.footprint, by_disc, strict=True):
                 try:
-                    numbers = funnel.shape, funnel.template, funnel.rate
-                    prove_clearance(segment.pieces, start, *numbers, obstacle, disc, planes, budget)
+                    shadow = Shadow(funnel.shape, funnel.level, disc)
+                    prove_clearance(segment.pieces, start, shadow, obstacle, planes, budget)
                 except ValueError as error:
                     raise Broken(f"condition (c), segment {index}, obstacle {number}: {error}") from None
 
@@ -159,7 +151,7 @@ def _prove_decrease(
         raise Broken("condition (d): the claimed margin is not positive")
     if isinstance(segment, SegmentClaim) and per_metre is not None:
         raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
-    if isinstance(segment, Bounds) and (funnel.rate != 0 or per_metre is None):
+    if isinstance(segment, Bounds) and (funnel.level.rate != 0 or per_metre is None):
         raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
     if isinstance(segment, SegmentClaim) and turning_jumps(segment.pieces):
         # from piece to piece, where no stretch sees it: the deviation must not
@@ -221,7 +213,7 @@ def _prove_stretch(
 ) -> None:
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
-        pieces = level_pieces(funnel.template, funnel.rate, span, funnel.beta_lower, funnel.beta_inner)
+        pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)
         enclosures = prove_enclosures(hints.enclosures, problem.vehicle.graph.functions(), effort)
         questions = [
             SteadyDecrease(

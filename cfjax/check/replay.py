@@ -20,7 +20,7 @@ from cfjax.check.chain import CHAIN, check_chain, read_chain, vehicle_of
 from cfjax.check.chain_robustness import prove_chain_robustness
 from cfjax.check.containment import half_widths
 from cfjax.check.decrease import contraction_way
-from cfjax.check.document import TEMPLATES, Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
+from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
 from cfjax.check.held_hints import read_chain_hints, read_hints
 from cfjax.check.meaning import described
 from cfjax.check.proof import prove_funnels
@@ -318,7 +318,7 @@ def _funnels(certificate: Certificate, inner_edge: str) -> str:
     shell = f"shell from {decimal_text(max(funnel.beta_lower for funnel in funnels), inner_edge)}"
     if isinstance(certificate.problem.course, Bounds):
         return shell
-    name = TEMPLATES[funnels[0].template]
-    rates = ", ".join(about(funnel.rate) for funnel in funnels[:SHOWN])
+    level = funnels[0].level
+    rates = ", ".join(about(funnel.level.rate) for funnel in funnels[:SHOWN])
     more = ", ..." if len(funnels) > SHOWN else ""
-    return f"template {funnels[0].template}, {name} {rates}{more} 1/s, {shell}"
+    return f"template {level.name}, {level.rate_name} {rates}{more} 1/s, {shell}"

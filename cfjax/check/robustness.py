@@ -39,7 +39,6 @@ from flint import fmpq, fmpq_mat
 
 from cfjax.check.bounds import Bounds
 from cfjax.check.certified import LAW_SHARE
-from cfjax.check.decrease import level_bounds
 from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
 from cfjax.check.held import (
@@ -52,7 +51,6 @@ from cfjax.check.held import (
     Terms,
     asked_name,
     derivatives_of,
-    held_pieces,
     require_affine,
 )
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
@@ -333,7 +331,7 @@ def _entries(certificate: Certificate, course: Course) -> list[fmpq]:
         first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
         duration = course.segments[before].duration
         jump = gap.jump(second.shape, fmpq_mat([list(row) for row in second.shape]).inv())
-        level = level_bounds(first.template, first.rate, duration)[1]
+        level = first.level.bounds(duration)[1]
         low, high = jump, fmpq(1)  # √γ
         for _ in range(GAMMA_STEPS):
             middle = (low + high) / 2
@@ -398,10 +396,9 @@ def tube_rates(
 def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, inner: fmpq) -> Rates:
     """The largest of the bounds on all ranges of levels."""
     states = range(len(found[0].slopes))
-    paper = funnel.template == "paper"
-    widest = sqrt_upper(max(sizes.level for sizes in found)) if paper else fmpq(1)
-    least = fmpq(1) if paper else min(sizes.least_level for sizes in found)
-    norms = tuple(sqrt_upper(funnel.shape[i][i] / least) for i in states)
+    levels = min(sizes.least_level for sizes in found), max(sizes.level for sizes in found)
+    widest, scale = funnel.level.deviation_scale(*levels)
+    norms = tuple(sqrt_upper(scale * funnel.shape[i][i]) for i in states)
     slopes = tuple(max(sizes.slopes[i] for sizes in found) for i in states)
     speeds = tuple(max(sizes.speeds[i] for sizes in found) for i in states)
     return Rates(
@@ -487,7 +484,7 @@ def _motions(
     require_affine(dynamics, parameters)
     parameters |= {name: ends for name, ends in asked.items() if dynamics.depends_on(name.replace(ASKED, REFERENCE))}
     found = []
-    for piece in held_pieces(funnel.template, funnel.rate, span):
+    for piece in funnel.level.inside(span):
         terms = Terms(dynamics, states, parameters, slopes, funnel.shape, piece)
         motion = HeldMotion(
             graph=problem.vehicle.graph,

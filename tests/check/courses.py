@@ -14,7 +14,7 @@ from flint import fmpq
 from cfjax.certificate.certifier import _prove_sets
 from cfjax.certificate.stretches import Prover, RoundedFunnel, Stretch, round_funnel
 from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import seal, write_decrease, write_problem
+from cfjax.certificate.writing import seal, write_decrease, write_funnel, write_problem
 from cfjax.check.bounds import Bounds
 from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
 from cfjax.check.rational import rational
@@ -123,7 +123,8 @@ def assembled(
         prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, solver, {"sos": 0.0, "exact": 0.0}, None)
         found.append([prover.prove(stretch, 0.0) for stretch in own])
     written = [
-        funnel.write(min(proof.margin for proof in own), None) for funnel, own in zip(funnels, found, strict=True)
+        write_funnel(funnel.claim(min(proof.margin for proof in own)))
+        for funnel, own in zip(funnels, found, strict=True)
     ]
     decrease = [write_decrease(own[0].degrees, [proof.hints for proof in own]) for own in found]
     return seal("funnel", question, written, {"decrease": decrease, "clearance": clearance})
