@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from cfjax.certificate.clearance import NotClear, find_half_planes
 from cfjax.certificate.stretches import (
+    Means,
     NotProven,
     Progress,
     Prover,
@@ -134,9 +135,9 @@ def certify(
         clearance = _prove_sets(problem, claim, rounded)
         clock["exact"] += time.perf_counter() - started
         room = MOST_GRAM_ENTRIES
-        oracle = solver_named(solver, workers)
+        means = Means(solver_named(solver, workers), clock, progress)
         for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
-            prover = Prover(problem, funnel, graph, kind, room, oracle, clock, progress)
+            prover = Prover(problem, funnel, graph, kind, room, means)
             found.append(prover.along(segment if isinstance(segment, Bounds) else segment.pieces, target))
             room -= prover.entries * len(found[-1])
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven

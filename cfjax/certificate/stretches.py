@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import comb
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import fmpq
@@ -287,8 +287,16 @@ class _TooLittle(Exception):
     """A cell of a stretch that may be cut proves less than the target."""
 
 
+class Means(NamedTuple):
+    """By what proofs are found: a solver, a clock (s: `plan`, `sos`, `exact`), and who hears of every cell."""
+
+    solver: Solver
+    clock: dict[str, float]
+    progress: Progress | None = None
+
+
 class Prover:
-    """Proves the stretches of one segment or tube, by a solver's hints and a clock (s: `plan`, `sos`, `exact`)."""
+    """Proves the stretches of one segment or tube; `room`: entries of Gram matrices that the file can still hold."""
 
     def __init__(
         self,
@@ -297,15 +305,13 @@ class Prover:
         graph: Graph,
         kind: int,
         room: int,
-        solver: Solver,
-        clock: dict[str, float],
-        progress: Progress | None,
+        means: Means,
     ) -> None:
         self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
-        self.solver, self.clock, self.progress = solver, clock, progress
+        self.solver, self.clock, self.progress = means
         self.degrees: tuple[int, ...] = ()
         self.is_smooth = not has_tube_structure(dynamics_of(problem.vehicle))
-        self.room = room  # entries of Gram matrices that the file can still hold
+        self.room = room
         self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0
 

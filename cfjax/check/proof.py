@@ -10,7 +10,9 @@ the reference jumps by so little that √V_j changes by at most δ (in speed, an
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR
+from typing import Generic, TypeVar
 
 from flint import fmpq, fmpq_mat
 
@@ -44,6 +46,17 @@ MOST_EFFORT = 8 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a mi
 ENCLOSURE_EFFORT = 384  # for each bit of the numbers in an enclosure of a function, proven once more on each stretch
 Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
 CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute
+Along = TypeVar("Along", bound=SegmentClaim | Bounds, covariant=True)
+
+
+@dataclass(frozen=True)
+class LegClaim(Generic[Along]):
+    """A funnel along a segment or, wherever it lies, within bounds; `dynamics` are those of the problem's vehicle."""
+
+    problem: ProblemClaim
+    dynamics: Symbolic
+    along: Along
+    funnel: FunnelClaim
 
 
 def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
@@ -68,7 +81,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
         raise Broken("condition (c): a tube has no place, so that it clears no obstacle")
     for index, (segment, funnel, hints) in enumerate(zip(problem.distinct, funnels, certificate.hints, strict=True)):
         try:
-            _prove_decrease(problem, dynamics, segment, funnel, hints, effort)
+            _prove_decrease(LegClaim(problem, dynamics, segment, funnel), hints, effort)
         except Broken as error:
             raise Broken(f"{_of(index, kinds)}{error}") from None
 
@@ -137,16 +150,9 @@ def _prove_clearance(certificate: Certificate, course: Course) -> None:
 # --- decrease
 
 
-def _prove_decrease(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim | Bounds,
-    funnel: FunnelClaim,
-    hints: DecreaseHints,
-    effort: Budget,
-) -> None:
+def _prove_decrease(leg: LegClaim[SegmentClaim | Bounds], hints: DecreaseHints, effort: Budget) -> None:
     """Condition (d) with the claimed margins: stretch by stretch, reference by reference, cell by cell."""
-    per_metre = funnel.margin_per_metre
+    segment, funnel, per_metre = leg.along, leg.funnel, leg.funnel.margin_per_metre
     if not funnel.margin > 0 or (per_metre is not None and not per_metre > 0):
         raise Broken("condition (d): the claimed margin is not positive")
     if isinstance(segment, SegmentClaim) and per_metre is not None:
@@ -155,12 +161,11 @@ def _prove_decrease(
         raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
     if isinstance(segment, SegmentClaim) and turning_jumps(segment.pieces):
         # from piece to piece, where no stretch sees it: the deviation must not
-        require_tube_structure(dynamics)
+        require_tube_structure(leg.dynamics)
     begin = fmpq(0)
     for stretch in hints.stretches:
         _check_stretch(segment, begin, stretch)
-        extremes = extremes_of(dynamics, problem.vehicle.states, problem.inputs, funnel.shape, stretch.bounds)
-        _prove_stretch(problem, funnel, hints.degrees, (begin, stretch.end), extremes, stretch, effort)
+        _prove_stretch(leg, (begin, stretch.end), hints.degrees, stretch, effort)
         begin = stretch.end
     if begin != segment.duration:
         raise Broken("condition (d): the stretches of the proof do not end where the segment does")
@@ -203,14 +208,14 @@ def extremes_of(
 
 
 def _prove_stretch(
-    problem: ProblemClaim,
-    funnel: FunnelClaim,
-    degrees: tuple[int, ...],
+    leg: LegClaim[SegmentClaim | Bounds],
     span: tuple[fmpq, fmpq],
-    extremes: list[Extreme],
+    degrees: tuple[int, ...],
     hints: StretchHints,
     effort: Budget,
 ) -> None:
+    problem, funnel = leg.problem, leg.funnel
+    extremes = extremes_of(leg.dynamics, problem.vehicle.states, problem.inputs, funnel.shape, hints.bounds)
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)

@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.bounds import Bounds
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import LAW_SHARE
 from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
@@ -57,7 +57,7 @@ from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHin
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfjax.check.program import CellProof, Gram
-from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
+from cfjax.check.proof import MOST_EFFORT, LegClaim, links, prove_enclosures
 from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
 from cfjax.check.reader import Broken
 from cfjax.check.structure import (
@@ -187,32 +187,25 @@ def prove_robustness(
         assert funnel.margin_per_metre is not None  # a tube's certificate has it
         per_metre = rational(decimal_text(funnel.margin_per_metre, ROUND_FLOOR))
         told = replace(funnel, margin=margin, margin_per_metre=per_metre)
-        return _of_tube(problem, dynamics, course, told, shell, own, effort)
+        return _of_tube(LegClaim(problem, dynamics, course, told), shell, own, effort)
     kinds = zip(problem.distinct, certificate.funnels, _entries(certificate, course), hints, strict=True)
     rates = tuple(
-        prove_rates(problem, dynamics, segment, replace(funnel, margin=margin), max(entry, shell), own, effort)
+        prove_rates(
+            LegClaim(problem, dynamics, segment, replace(funnel, margin=margin)), max(entry, shell), own, effort
+        )
         for segment, funnel, entry, own in kinds
         if isinstance(segment, SegmentClaim)
     )
     return absorbed(rates)
 
 
-def _of_tube(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    tube: Bounds,
-    funnel: FunnelClaim,
-    shell: fmpq,
-    hints: Sequence[HeldStretch],
-    effort: Budget,
-) -> Robustness:
+def _of_tube(leg: LegClaim[Bounds], shell: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> Robustness:
     """Of the tube's bands of speed, each with hints of its own."""
-    bands = bands_of(tube, hints)
+    bands = bands_of(leg.along, hints)
     if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
         raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
     rates = tuple(
-        tube_rates(problem, dynamics, tube, funnel, band, shell, stretch.pieces, effort)
-        for band, stretch in zip(bands, hints, strict=True)
+        tube_rates(leg, band, shell, stretch.pieces, effort) for band, stretch in zip(bands, hints, strict=True)
     )
     return replace(absorbed(rates), bands=bands, by_speed=_by_speed(rates))
 
@@ -344,26 +337,19 @@ def _entries(certificate: Certificate, course: Course) -> list[fmpq]:
     return found
 
 
-def prove_rates(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim,
-    funnel: FunnelClaim,
-    inner: fmpq,
-    hints: Sequence[HeldStretch],
-    effort: Budget,
-) -> Rates:
+def prove_rates(leg: LegClaim[SegmentClaim], inner: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> Rates:
     """Bounds over one funnel, from hints for every stretch of it; `inner` is the larger of β̲ and γ.
 
     Raises:
         Broken, ValueError: says what is not proven.
     """
+    segment, funnel = leg.along, leg.funnel
     found: list[_Sizes] = []
     begin = fmpq(0)
     for stretch in hints:
         if not begin < stretch.end <= segment.duration:
             raise Broken("robustness: the stretches do not follow each other along the segment")
-        found += _prove_stretch(problem, dynamics, segment, funnel, (begin, stretch.end), stretch.pieces, effort)
+        found += _prove_levels(leg.problem, motions(leg, (begin, stretch.end)), stretch.pieces, effort)
         begin = stretch.end
     if begin != segment.duration:
         raise Broken("robustness: the stretches do not end where the segment does")
@@ -371,26 +357,18 @@ def prove_rates(
     return _rates_of(funnel, found, SHARE * funnel.margin - sum(jumps, fmpq(0)), inner)
 
 
-def tube_rates(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    tube: Bounds,
-    funnel: FunnelClaim,
-    band: tuple[fmpq, fmpq],
-    inner: fmpq,
-    hints: Sequence[PieceHints],
-    effort: Budget,
-) -> Rates:
+def tube_rates(leg: LegClaim[Bounds], band: Range, inner: fmpq, hints: Sequence[PieceHints], effort: Budget) -> Rates:
     """Bounds over a tube for what is measured at a speed of the band (m/s), from hints.
 
     Raises:
         Broken, ValueError: says what is not proven.
     """
-    require_tube_structure(dynamics)
-    found = _prove_levels(problem, tube_motions(problem, dynamics, tube, funnel, band), hints, effort)
+    require_tube_structure(leg.dynamics)
+    funnel = leg.funnel
+    found = _prove_levels(leg.problem, tube_motions(leg, band), hints, effort)
     assert funnel.margin_per_metre is not None
     decrease = SHARE * max(funnel.margin, funnel.margin_per_metre * band[0])
-    return replace(_rates_of(funnel, found, decrease, inner), horizon=MOST if _is_even(tube) else HORIZON)
+    return replace(_rates_of(funnel, found, decrease, inner), horizon=MOST if _is_even(leg.along) else HORIZON)
 
 
 def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, inner: fmpq) -> Rates:
@@ -431,21 +409,23 @@ class _Sizes(NamedTuple):
         return self.terms.gain(name) / self.least_level
 
 
-def motions(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    parts: Sequence[Piece],
-    funnel: FunnelClaim,
-    span: tuple[fmpq, fmpq],
-) -> list[tuple[HeldMotion, Terms]]:
-    """What has to be bounded on a stretch of θ, whose parts are given: for each range of levels, without hints yet."""
-    return _motions(problem, dynamics, *reference_box(parts), {}, "", funnel, span)
+class References(NamedTuple):
+    """Those beside which a car moves while inputs are held; by the graph's names."""
+
+    box: Mapping[str, Range]  # of what the dynamics see
+    slopes: Mapping[str, fmpq]  # bounds of |dr/dθ|
+    asked: Mapping[str, Range] = {}  # what V̇ is looked at, where that is another
+    mirrored: str = ""  # one end of this one speaks for both
 
 
-def tube_motions(
-    problem: ProblemClaim, dynamics: Symbolic, tube: Bounds, funnel: FunnelClaim, band: tuple[fmpq, fmpq]
-) -> list[tuple[HeldMotion, Terms]]:
+def motions(leg: LegClaim[SegmentClaim], span: Range) -> list[tuple[HeldMotion, Terms]]:
+    """What has to be bounded on a stretch of θ: for each range of levels, without hints yet."""
+    return _motions(leg, reference_box(between(leg.along.pieces, *span)), span)
+
+
+def tube_motions(leg: LegClaim[Bounds], band: Range) -> list[tuple[HeldMotion, Terms]]:
     """The same in a tube, for what is measured at a speed of the band (m/s)."""
+    problem, dynamics, tube = leg.problem, leg.dynamics, leg.along
     steepest = max(map(abs, tube.acceleration))
     change = steepest * problem.inputs["u0"][1] * HORIZON
     speed = max(tube.speed[0], band[0] - change), min(tube.speed[1], band[1] + change)
@@ -456,8 +436,8 @@ def tube_motions(
     jumping = (TURN_RATE, tube.curvature), (SPEED_SLOPE, tube.acceleration)
     asked = {asked_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
     # V'' at a vertex is that of the mirrored car at the mirrored one
-    mirrored = TURN_RATE if is_mirrored(dynamics, problem.vehicle.states, problem.inputs, funnel.shape, tube) else ""
-    return _motions(problem, dynamics, box, slopes, asked, mirrored, funnel, (fmpq(0), fmpq(0)))
+    symmetric = is_mirrored(dynamics, problem.vehicle.states, problem.inputs, leg.funnel.shape, tube)
+    return _motions(leg, References(box, slopes, asked, TURN_RATE if symmetric else ""), (fmpq(0), fmpq(0)))
 
 
 def _is_even(tube: Bounds) -> bool:
@@ -466,16 +446,10 @@ def _is_even(tube: Bounds) -> bool:
 
 
 def _motions(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    box: Mapping[str, tuple[fmpq, fmpq]],
-    slopes: Mapping[str, fmpq],
-    asked: Mapping[str, tuple[fmpq, fmpq]],
-    mirrored: str,
-    funnel: FunnelClaim,
-    span: tuple[fmpq, fmpq],
+    leg: LegClaim[SegmentClaim | Bounds], references: References, span: Range
 ) -> list[tuple[HeldMotion, Terms]]:
-    """Of references in a box, with bounds of their slopes; `asked`: what V̇ is looked at, where that is another."""
+    problem, dynamics, funnel = leg.problem, leg.dynamics, leg.funnel
+    box, slopes, asked, mirrored = references
     states = problem.vehicle.states
     parameters = {f"input:{name}": limits for name, limits in problem.inputs.items()}
     for name, (lower, upper) in box.items():  # what the dynamics do not depend on may have any value
@@ -501,19 +475,6 @@ def _motions(
         )
         found.append((motion, terms))
     return found
-
-
-def _prove_stretch(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim,
-    funnel: FunnelClaim,
-    span: tuple[fmpq, fmpq],
-    hints: Sequence[PieceHints],
-    effort: Budget,
-) -> list[_Sizes]:
-    asked = motions(problem, dynamics, between(segment.pieces, *span), funnel, span)
-    return _prove_levels(problem, asked, hints, effort)
 
 
 def _prove_levels(
@@ -569,9 +530,9 @@ def _prove_sizes(
     )
 
 
-def reference_box(parts: Sequence[Piece]) -> tuple[dict[str, tuple[fmpq, fmpq]], dict[str, fmpq]]:
-    """Ranges of what the dynamics see of the pieces, by the graph's names, and bounds of their slopes: by Bernstein."""
-    box: dict[str, tuple[fmpq, fmpq]] = {}
+def reference_box(parts: Sequence[Piece]) -> References:
+    """What the dynamics see of the pieces: by Bernstein."""
+    box: dict[str, Range] = {}
     slopes: dict[str, fmpq] = {}
     for part in parts:
         for name, values in _profile(part).items():
@@ -579,7 +540,7 @@ def reference_box(parts: Sequence[Piece]) -> tuple[dict[str, tuple[fmpq, fmpq]],
             lower, upper = box.get(name, (control[0], control[0]))
             box[name] = min(lower, *control), max(upper, *control)
             slopes[name] = max(slopes.get(name, fmpq(0)), *map(abs, change))
-    return box, slopes
+    return References(box, slopes)
 
 
 def _profile(part: Piece) -> dict[str, Coefficients]:

@@ -12,7 +12,7 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.certificate.certifier import _prove_sets
-from cfjax.certificate.stretches import Prover, RoundedFunnel, Stretch, round_funnel
+from cfjax.certificate.stretches import Means, Prover, RoundedFunnel, Stretch, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_decrease, write_funnel, write_problem
 from cfjax.check.bounds import Bounds
@@ -120,7 +120,7 @@ def assembled(
     found = []
     solver = solver_named(DEFAULT, 2)
     for kind, (funnel, own) in enumerate(zip(funnels, stretches, strict=True)):
-        prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, solver, {"sos": 0.0, "exact": 0.0}, None)
+        prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, Means(solver, {"sos": 0.0, "exact": 0.0}))
         found.append([prover.prove(stretch, 0.0) for stretch in own])
     written = [
         write_funnel(funnel.claim(min(proof.margin for proof in own)))
