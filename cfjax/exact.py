@@ -35,6 +35,12 @@ def tube_within(bounds: Bounds) -> Tube:
     return Tube(**{name: Interval(float(lower), float(upper)) for name, (lower, upper) in bounds.intervals.items()})
 
 
+def exact_bounds(tube: Tube) -> Bounds:
+    """The bounds of a tube in exact numbers, each end as the decimal that it prints as."""
+    intervals = tube.curvature, tube.speed, tube.acceleration
+    return Bounds(*((rational(float(ends.lower)), rational(float(ends.upper))) for ends in intervals))
+
+
 @dataclass(frozen=True)
 class StatedProfile:
     """A piecewise polynomial: `coefficients[k]` in ascending powers of θ − breaks[k] (s)."""

@@ -19,9 +19,9 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 from cfjax import InputError, Interval, Options, Problem, Verdict, ball, synthesize, tube
 from cfjax.certificate.writing import dump
-from cfjax.check.bounds import Bounds
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import rational
+from cfjax.exact import exact_bounds
 from cfjax.report.files import write_whole
 from cfjax.report.progress import progress_on
 from cfjax.report.rounded import margin_text, rounded_up
@@ -48,17 +48,11 @@ class Wish(NamedTuple):
 
     def is_met_by(self, found: CertifiedTube) -> bool:
         """Whether the proven tube is at least as good: bounds as wide, and the width of this wish."""
-        curvature, speed, acceleration = (
-            (rational(lower), rational(upper))
-            for lower, upper in (
-                (-self.curvature, self.curvature),
-                self.speed,
-                (-self.acceleration, self.acceleration),
-            )
-        )
+        within = self.problem().path.tube
         reach = max(float(found.inverse[i, i]) for i in range(len(found.shape))) ** 0.5
         return (
-            found.bounds == Bounds(curvature, speed, acceleration)
+            within is not None
+            and found.bounds == exact_bounds(within)
             and self.inlet < reach < self.goal
             and found.beta_inner == rational(BETA_INNER)
         )

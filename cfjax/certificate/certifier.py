@@ -138,7 +138,7 @@ def certify(
         means = Means(solver_named(solver, workers), clock, progress)
         for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
             prover = Prover(problem, funnel, graph, kind, room, means)
-            found.append(prover.along(segment if isinstance(segment, Bounds) else segment.pieces, target))
+            found.append(prover.along(segment, target))
             room -= prover.entries * len(found[-1])
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
         raise InputError(str(error)) from None

@@ -24,7 +24,7 @@ from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_stretch
 from cfjax.check.bounds import Bounds, Extreme, Range, place_of
 from cfjax.check.decrease import Cell, SteadyDecrease
-from cfjax.check.document import MOST_MONOMIALS, CellKey, FunnelClaim
+from cfjax.check.document import MOST_MONOMIALS, CellKey, FunnelClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.level import LEVELS, Level
@@ -315,7 +315,7 @@ class Prover:
         self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0
 
-    def along(self, segment: Sequence[Piece] | Bounds, target: float) -> list[StretchProof]:
+    def along(self, segment: SegmentClaim | Bounds, target: float) -> list[StretchProof]:
         """Stretches that cover the segment, as many as the target (1/s) needs; with target 0 a single one.
 
         The falsifier plans them. One that proves less than it was planned for is halved, as long as that can help.
@@ -325,8 +325,8 @@ class Prover:
         """
         if isinstance(segment, Bounds):
             return [self.prove(Stretch(fmpq(0), fmpq(0), segment), 0.0)]
-        duration = sum((piece.duration for piece in segment), fmpq(0))
-        ends, target = self._planned(segment, duration, target)
+        pieces, duration = segment.pieces, segment.duration
+        ends, target = self._planned(pieces, duration, target)
         begins = (0, *ends[:-1])
         parts = [(fmpq(begin, CELLS), fmpq(end, CELLS), 0) for begin, end in zip(begins, ends, strict=True)]
         found: list[StretchProof] = []
@@ -335,7 +335,7 @@ class Prover:
             first, last, halvings = open_.pop()
             begin, end = first * duration, last * duration
             with self._at(begin, end):
-                stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end, self.is_smooth))
+                stretch = self._exactly(lambda begin=begin, end=end: bounded(pieces, begin, end, self.is_smooth))
                 room = len(found) + len(open_) + 2 <= self._most_stretches() and halvings < MOST_HALVINGS
                 try:
                     found.append(self.prove(stretch, target if room and self._can_gain(stretch) else 0.0))

@@ -20,7 +20,7 @@ from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
-from cfjax.exact import exact_course, write_pieces
+from cfjax.exact import exact_bounds, exact_course, write_pieces
 from cfjax.problem import Problem, Vehicle
 
 
@@ -198,12 +198,7 @@ def _closes(problem: Problem, graph: Graph, pieces: Sequence[Piece]) -> bool:
 def _path(problem: Problem, graph: Graph) -> dict[str, Any]:
     path = problem.path
     if path.tube:
-        tube = path.tube
-        bounds = (
-            (rational(float(interval.lower)), rational(float(interval.upper)))
-            for interval in (tube.curvature, tube.speed, tube.acceleration)
-        )
-        return {"name": path.name, "tube": write_bounds(Bounds(*bounds))}
+        return {"name": path.name, "tube": write_bounds(exact_bounds(path.tube))}
     reference = exact_course(path)
     return {
         "name": path.name,

@@ -192,5 +192,5 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
     clock = {"plan": 0.0, "exact": 0.0}
     prover = Prover(problem, rounded, graph, 0, MOST_GRAM_ENTRIES, Means(solver_named("batched"), clock))
     with pytest.raises(AssertionError, match="asked too much"):
-        prover.along(claim.pieces, 1.0)
+        prover.along(claim, 1.0)
     assert asked == [9] and 9 * prover.entries <= MOST_GRAM_ENTRIES < 10 * prover.entries
