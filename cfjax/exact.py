@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 
 from flint import acb, arb, fmpq
 
-from cfjax.check.certified import CertifiedTube
+from cfjax.check.bounds import Bounds
 from cfjax.check.piece import Piece
 from cfjax.check.polynomial import Coefficients, evaluate, shifted
 from cfjax.check.rational import decimal_text, rational, upper_bound
 from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
-from cfjax.check.tube import TubeClaim
 from cfjax.errors import InputError
 from cfjax.problem import Interval, Tube
 from cfjax.problem.path import Path, Segment
@@ -31,10 +30,15 @@ def exact_numbers(numbers: Sequence[float]) -> tuple[fmpq, ...]:
     return tuple(rational(float(number)) for number in numbers)
 
 
-def tube_within(bounds: TubeClaim | CertifiedTube) -> Tube:
+def tube_within(bounds: Bounds) -> Tube:
     """Every path within bounds that are given in exact numbers, in floating-point ones."""
-    ends = bounds.curvature, bounds.speed, bounds.acceleration
-    return Tube(*(Interval(float(lower), float(upper)) for lower, upper in ends))
+    return Tube(**{name: Interval(float(lower), float(upper)) for name, (lower, upper) in bounds.intervals.items()})
+
+
+def exact_bounds(tube: Tube) -> Bounds:
+    """The bounds of a tube in exact numbers, each end as the decimal that it prints as."""
+    intervals = tube.curvature, tube.speed, tube.acceleration
+    return Bounds(*((rational(float(ends.lower)), rational(float(ends.upper))) for ends in intervals))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from cfjax.ahead import compile_ahead
 from cfjax.certificate import Statement, certify, proof_size, require_posable, require_room, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
-from cfjax.check.tube import has_tube_structure, require_tube_structure
+from cfjax.check.structure import has_tube_structure, require_tube_structure
 from cfjax.clock import Clock
 from cfjax.demonstrator import demonstrate
 from cfjax.errors import InputError, Interrupted

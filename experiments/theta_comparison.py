@@ -21,8 +21,8 @@ from cfjax.certificate.program import coefficients, program_of
 from cfjax.certificate.rounding import dyadic
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import trace_deviation
+from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.tube import TubeClaim
 from cfjax.conf import preset, problem_of
 from cfjax.exact import exact_course
 from cfjax.funnel import template_named
@@ -95,7 +95,7 @@ def main() -> None:
 
         def question(turn_rate: int, span: tuple[fmpq, fmpq] = span) -> SteadyDecrease:
             ends = (fmpq(turn_rate),) * 2, (fmpq(1),) * 2, (fmpq(0),) * 2
-            return decreases_on(problem, rounded, graph, Stretch(*span, TubeClaim(*ends)))[0]
+            return decreases_on(problem, rounded, graph, Stretch(*span, Bounds(*ends)))[0]
 
         still = question(0)
         turning = replace(question(1), enclosures=still.enclosures)

@@ -2,6 +2,7 @@
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
 from cfjax.check.piece import Piece
 from cfjax.check.rational import rational
@@ -12,7 +13,14 @@ ZERO, ONE = fmpq(0), fmpq(1)
 TINY = fmpq(1, 10**12)
 
 
-def tube(name: str = "wide", curvature: fmpq = ONE, scale: fmpq = ONE, **changes: object) -> CertifiedTube:
+def bounds(
+    curvature: fmpq = ONE, speed: Range = (fmpq(1, 2), fmpq(2)), acceleration: Range = (fmpq(-1), fmpq(1))
+) -> Bounds:
+    """Those of the tube by hand, for curvatures up to one."""
+    return Bounds((-curvature, curvature), speed, acceleration)
+
+
+def tube(name: str = "wide", within: Bounds | None = None, scale: fmpq = ONE, **changes: object) -> CertifiedTube:
     """A tube that nobody certified: C is `scale` times a fixed matrix, the law lowers V by 1/2 per metre."""
     diagonal = (6, 5, 4, 7)
     shape = [[scale * (diagonal[i] if i == j else fmpq(1, 2)) for j in range(4)] for i in range(4)]
@@ -21,9 +29,7 @@ def tube(name: str = "wide", curvature: fmpq = ONE, scale: fmpq = ONE, **changes
         "vehicle": "kinematic_bicycle",
         "parameters": {"wheelbase": fmpq(17, 50)},
         "method": "pf",
-        "curvature": (-curvature, curvature),
-        "speed": (fmpq(1, 2), fmpq(2)),
-        "acceleration": (fmpq(-1), fmpq(1)),
+        "bounds": within or bounds(),
         "shape": shape,
         "beta_lower": fmpq(1, 4),
         "beta_inner": fmpq(1, 100),

@@ -7,12 +7,12 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from flint import fmpq
 
 from cfjax.certificate.stretches import bounded
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.handover import Run
 from cfjax.check.piece import Piece
 from cfjax.check.rational import float_below, rational
 from cfjax.check.reference import Reference
-from cfjax.check.tube import Range, TubeClaim
 
 
 STEP = Decimal("1e-6")  # to which bounds are rounded
@@ -20,7 +20,7 @@ STEP = Decimal("1e-6")  # to which bounds are rounded
 ALIKE = fmpq(1, 2)
 
 
-def bounds_of_pieces(pieces: Sequence[Piece]) -> TubeClaim:
+def bounds_of_pieces(pieces: Sequence[Piece]) -> Bounds:
     """The hull of what the pieces do, whichever segments they are of.
 
     Raises:
@@ -30,16 +30,14 @@ def bounds_of_pieces(pieces: Sequence[Piece]) -> TubeClaim:
     for _, group in itertools.groupby(pieces, key=lambda piece: piece.segment):
         own = list(group)
         found.append(bounded(own, own[0].theta, own[-1].theta + own[-1].duration).bounds)
-    curvature, speed, acceleration = (
-        _hull([getattr(bounds, name) for bounds in found]) for name in ("curvature", "speed", "acceleration")
-    )
+    curvature, speed, acceleration = map(_hull, zip(*(bounds.intervals.values() for bounds in found), strict=True))
     widest = max(-curvature[0], curvature[1])
     if min(-curvature[0], curvature[1]) > ALIKE * widest:
         curvature = -widest, widest
-    return TubeClaim(curvature, speed, acceleration)
+    return Bounds(curvature, speed, acceleration)
 
 
-def bounds_along(reference: Reference, runs: Sequence[Run]) -> dict[CertifiedTube, TubeClaim]:
+def bounds_along(reference: Reference, runs: Sequence[Run]) -> dict[CertifiedTube, Bounds]:
     """What the path does in each tube along all of its runs there; nothing that the tube does not hold.
 
     Raises:
@@ -49,11 +47,8 @@ def bounds_along(reference: Reference, runs: Sequence[Run]) -> dict[CertifiedTub
     for tube in dict.fromkeys(run.tube for run in runs):
         own = [run for run in runs if run.tube is tube]
         bounds = bounds_of_pieces([piece for run in own for piece in reference.pieces[run.begin : run.end]])
-        found[tube] = TubeClaim(
-            _meet(bounds.curvature, tube.curvature),
-            _meet(bounds.speed, tube.speed),
-            _meet(bounds.acceleration, tube.acceleration),
-        )
+        meeting = {name: _meet(ends, tube.bounds.intervals[name]) for name, ends in bounds.intervals.items()}
+        found[tube] = Bounds(**meeting)
     return found
 
 

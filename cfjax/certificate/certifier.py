@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from flint import fmpq
-
 from cfjax.certificate.clearance import NotClear, find_half_planes
 from cfjax.certificate.stretches import (
+    Means,
     NotProven,
     Progress,
     Prover,
@@ -25,18 +24,18 @@ from cfjax.certificate.stretches import (
     round_funnel,
 )
 from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import dump, seal, write_clearance, write_decrease, write_problem
+from cfjax.certificate.writing import dump, seal, write_clearance, write_decrease, write_funnel, write_problem
 from cfjax.check import Outcome, check_document
-from cfjax.check.clearance import HalfPlane
+from cfjax.check.bounds import Bounds
+from cfjax.check.clearance import HalfPlane, Shadow
 from cfjax.check.containment import broken_containments
-from cfjax.check.document import MOST_GRAM_ENTRIES, Course, FunnelClaim, ProblemClaim, read_problem
+from cfjax.check.document import MOST_GRAM_ENTRIES, ProblemClaim, read_problem
 from cfjax.check.graph import Graph
 from cfjax.check.meaning import require_meaning
 from cfjax.check.proof import broken_link, links
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken, Unreadable
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import TubeClaim
 from cfjax.coerce import function, instances, number, objects, whole
 from cfjax.errors import InputError
 from cfjax.falsifier import Suspect
@@ -136,10 +135,10 @@ def certify(
         clearance = _prove_sets(problem, claim, rounded)
         clock["exact"] += time.perf_counter() - started
         room = MOST_GRAM_ENTRIES
-        oracle = solver_named(solver, workers)
+        means = Means(solver_named(solver, workers), clock, progress)
         for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
-            prover = Prover(problem, funnel, graph, kind, room, oracle, clock, progress)
-            found.append(prover.along(segment if isinstance(segment, TubeClaim) else segment.pieces, target))
+            prover = Prover(problem, funnel, graph, kind, room, means)
+            found.append(prover.along(segment, target))
             room -= prover.entries * len(found[-1])
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
         raise InputError(str(error)) from None
@@ -156,10 +155,11 @@ def certify(
     started = time.perf_counter()
     margins = [min(proof.margin for proof in proofs) for proofs in found]
     per_metre = [min(proof.margin_per_metre for proof in proofs) if problem.path.tube else None for proofs in found]
+    claimed = zip(rounded, margins, per_metre, strict=True)
     document = seal(
         "funnel",
         question,
-        [funnel.write(*own) for funnel, own in zip(rounded, zip(margins, per_metre, strict=True), strict=True)],
+        [write_funnel(funnel.claim(margin, along)) for funnel, margin, along in claimed],
         {
             "decrease": [write_decrease(proofs[0].degrees, [proof.hints for proof in proofs]) for proofs in found],
             "clearance": clearance,
@@ -200,39 +200,28 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
     def fail(reason: str, place: tuple[float, float] | None = None) -> NotProven:
         return NotProven(Verdict.INCONCLUSIVE, f"not proven: {reason}", place=place)
 
-    course = claim.course
-    kinds = course.kinds if isinstance(course, Course) else (0,)
+    course, kinds = claim.course, claim.kinds
     for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
-        broken = broken_containments(
-            claim.vehicle.states,
-            funnel.shape,
-            funnel.funnel.template.name,
-            funnel.rate,
-            segment.duration,
-            claim.inlet if kind == kinds[0] else None,
-            claim.goal if kind == kinds[-1] else None,
-            claim.safe,
-        )
+        end = funnel.level.bounds(segment.duration)
+        broken = broken_containments(claim.vehicle.states, funnel.shape, end, claim.asked(kind))
         if broken:
             raise fail("; ".join(broken))
-    if isinstance(course, TubeClaim):
+    if isinstance(course, Bounds):
         return []
-    written = [_claimed(funnel) for funnel in rounded]
+    written = [funnel.claim() for funnel in rounded]
     for before, after, gap in links(course):
-        first, second = written[course.kinds[before]], written[course.kinds[after]]
+        first, second = written[kinds[before]], written[kinds[after]]
         if reason := broken_link(first, course.segments[before].duration, second, gap):
             end = problem.path.segments[before].duration
             raise fail(f"from segment {before} to segment {after}: {reason}", place_on(problem.path, before, end, end))
     planes: list[list[list[list[HalfPlane]]]] = []
-    for index, (segment, kind) in enumerate(zip(course.segments, course.kinds, strict=True)):
+    for index, (segment, kind) in enumerate(zip(course.segments, kinds, strict=True)):
         own, start = rounded[kind], course.reference.poses[index]
         try:
             planes.append(
                 [
                     [
-                        find_half_planes(
-                            segment.pieces, start, own.shape, own.funnel.template.name, own.rate, obstacle, disc
-                        )
+                        find_half_planes(segment.pieces, start, Shadow(own.shape, own.level, disc), obstacle)
                         for disc in claim.footprint
                     ]
                     for obstacle in claim.obstacles
@@ -242,16 +231,3 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
             place = place_on(problem.path, index, error.theta, error.theta)
             raise fail(f"condition (c), segment {index}: {error}", place) from None
     return write_clearance(planes) if claim.obstacles else []
-
-
-def _claimed(rounded: RoundedFunnel) -> FunnelClaim:
-    """What the file will say of it, but for the margin."""
-    return FunnelClaim(
-        template=rounded.funnel.template.name,
-        shape=rounded.shape,
-        rate=rounded.rate,
-        beta_lower=rounded.beta_lower,
-        beta_inner=rounded.beta_inner,
-        margin=fmpq(0),
-        margin_per_metre=None,
-    )

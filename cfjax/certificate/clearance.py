@@ -18,7 +18,6 @@ from jaxtyping import Float
 
 from cfjax.check.clearance import (
     STRETCH_EFFORT,
-    FootprintClaim,
     HalfPlane,
     ObstacleClaim,
     Shadow,
@@ -27,7 +26,6 @@ from cfjax.check.clearance import (
 )
 from cfjax.check.enclosure import Budget
 from cfjax.check.piece import Piece, between
-from cfjax.check.program import Matrix
 from cfjax.check.reference import ExactPose
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
@@ -64,19 +62,15 @@ class _View(NamedTuple):
 def find_half_planes(
     pieces: Sequence[Piece],
     start: ExactPose,
-    shape: Matrix,
-    template: str,
-    rate: fmpq,
+    shadow: Shadow,
     obstacle: ObstacleClaim,
-    disc: FootprintClaim,
 ) -> list[HalfPlane]:
     """Half-planes along one segment that `prove_clearance` accepts, few and long; the other arguments are as there.
 
     Raises:
         NotClear: where the body may touch the obstacle.
-        ValueError: for what is no claim at all: C not positive definite, a funnel that ends before the segment does.
+        ValueError: for what is no claim at all: a funnel that ends before the segment does.
     """
-    shadow = Shadow(shape, template, rate, disc)
     duration = sum((piece.duration for piece in pieces), fmpq(0))
     shadow.check_end(duration)
     _look_everywhere(pieces, start, shadow, obstacle)
@@ -86,7 +80,7 @@ def find_half_planes(
         plane, pose = _longest(pieces, pose, shadow, obstacle, begin, duration)
         planes.append(plane)
         begin = plane.end
-    prove_clearance(pieces, start, shape, template, rate, obstacle, disc, planes)
+    prove_clearance(pieces, start, shadow, obstacle, planes)
     return planes
 
 
@@ -165,7 +159,7 @@ def _view(stretch: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: O
     segment = _segment(stretch, pose)
     theta = np.linspace(0.0, segment.duration, SAMPLES)
     poses = segment.poses(theta)
-    level = np.asarray(template_named(shadow.template).level(float(shadow.rate), float(begin) + theta))
+    level = np.asarray(template_named(shadow.level.name).level(float(shadow.level.rate), float(begin) + theta))
     fan = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
     table = _clearances(fan, poses, level, shadow, obstacle)
     own = table.max(axis=0)

@@ -11,11 +11,12 @@ from flint import fmpq
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.plan import CELLS
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, round_funnel
+from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import MOST_GRAM_ENTRIES
 from cfjax.check.reader import Broken
+from cfjax.check.structure import has_tube_structure
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import TubeClaim, has_tube_structure
 from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
@@ -25,32 +26,33 @@ from cfjax.problem import Problem
 INSIDE = 0.9  # of I: bounds on a funnel that are not sharp refuse none that holds I
 
 
-def put_together(
-    problem: Problem,
-    statement: Statement,
-    kind: int,
-    share: fmpq,
-    template: Template,
-    beta_lower: float,
-    beta_inner: float | None,
-    change: float = 0.0,
-) -> list[SteadyDecrease]:
-    """Condition (d) of a funnel a little inside I, along a share of one of the path's distinct segments.
+def least_funnel(
+    problem: Problem, kind: int, template: Template, beta_lower: float, beta_inner: float | None, change: float = 0.0
+) -> Funnel:
+    """A funnel a little inside I for one of the path's distinct segments.
 
     `change` is that of its level along the segment, of which a tube has none.
+    """
+    duration = problem.path.distinct[kind].duration
+    shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)
+    return Funnel(template, shape, change / duration, duration, beta_lower, beta_inner)
+
+
+def put_together(
+    problem: Problem, statement: Statement, kind: int, share: fmpq, funnel: Funnel
+) -> list[SteadyDecrease]:
+    """Condition (d) of the funnel along a share of one of the path's distinct segments.
 
     Raises:
         ValueError, Broken: as `decreases_on` and `bounded`.
     """
     claim, segment, own = statement.claim, problem.path.distinct[kind], statement.claim.distinct[kind]
-    shape = np.diag(1 / (INSIDE * np.array(problem.inlet.half_axes)) ** 2)
-    if isinstance(own, TubeClaim):
-        rate, stretch = 0.0, Stretch(fmpq(0), fmpq(0), own)
+    if isinstance(own, Bounds):
+        stretch = Stretch(fmpq(0), fmpq(0), own)
     else:
         dynamics = symbolic(statement.graph, claim.vehicle.states, tuple(claim.inputs))
         is_smooth = not has_tube_structure(dynamics)
-        rate, stretch = change / segment.duration, bounded(own.pieces, fmpq(0), share * own.duration, is_smooth)
-    funnel = Funnel(template, shape, rate, segment.duration, beta_lower, beta_inner)
+        stretch = bounded(own.pieces, fmpq(0), share * own.duration, is_smooth)
     return decreases_on(problem, round_funnel(funnel, segment), statement.graph, stretch)
 
 
@@ -66,7 +68,8 @@ def require_posable(
     distinct = problem.path.distinct
     vehicle = f"vehicle {problem.vehicle.name}: expected dynamics of which a proof can be put together"
     try:
-        questions = put_together(problem, statement, 0, fmpq(1, CELLS), template, beta_lower, beta_inner)
+        funnel = least_funnel(problem, 0, template, beta_lower, beta_inner)
+        questions = put_together(problem, statement, 0, fmpq(1, CELLS), funnel)
     except Broken as error:
         raise InputError(str(error)) from None
     except ValueError as error:

@@ -14,6 +14,8 @@ from cfjax.certificate.rounding import exact
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_funnel, write_problem, write_witness
 from cfjax.check import Outcome, check_document
+from cfjax.check.document import FunnelClaim
+from cfjax.check.level import LEVELS
 from cfjax.check.rational import rational
 from cfjax.coerce import instances, number, objects
 from cfjax.errors import InputError
@@ -53,19 +55,20 @@ def refute(
     question = write_problem(problem, trace_deviation(problem.vehicle))
     size = funnel.dimension
     shape = [[exact(funnel.shape[max(i, j), min(i, j)]) for j in range(size)] for i in range(size)]
-    candidate = write_funnel(
-        funnel.template.name,
-        shape,
-        exact(funnel.rate),
-        (rational(float(funnel.beta_lower)), rational(float(funnel.inner))),
-        rational(float(margin)),
+    candidate = FunnelClaim(
+        level=LEVELS[funnel.template.name](exact(funnel.rate)),
+        shape=shape,
+        beta_lower=rational(float(funnel.beta_lower)),
+        beta_inner=rational(float(funnel.inner)),
+        margin=rational(float(margin)),
+        margin_per_metre=None,
     )
     references = range(sum(map(len, segment.references())) if isinstance(segment, Tube) else 1)
     for point in falsify(problem, segment, funnel) if points is None else points:
         for theta, x in _variants(funnel, 0.0 if isinstance(segment, Tube) else segment.duration, point):
             for reference in references if point.condition == "d" else (0,):
                 witness = write_witness(point.condition, 0, theta, reference, x)
-                document = seal("refutation", question, [candidate], witness)
+                document = seal("refutation", question, [write_funnel(candidate)], witness)
                 report = check_document(json.loads(dump(document)))
                 if report.outcome is Outcome.REFUTED:
                     return Certification(Verdict.REFUTED, report.message, funnels=(funnel,), document=document)

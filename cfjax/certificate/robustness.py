@@ -18,18 +18,19 @@ from cfjax.certificate.program import program_of, prove, solved
 from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.stretches import NotProven
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
+from cfjax.check.bounds import Bounds
 from cfjax.check.chain import CHAIN, prove_runs, read_chain
-from cfjax.check.chain_robustness import question_of, timing_of
-from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, read_certificate
+from cfjax.check.chain_robustness import leg_of, timing_of
+from cfjax.check.document import SegmentClaim, read_certificate
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
-from cfjax.check.held_hints import CLAIM
-from cfjax.check.piece import between
+from cfjax.check.held_hints import CLAIM, DEGREES
 from cfjax.check.program import CellProof
+from cfjax.check.proof import LegClaim
 from cfjax.check.rational import rational
-from cfjax.check.robustness import DEGREES, motions, tube_motions
-from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import TubeClaim, require_tube_structure
+from cfjax.check.robustness import motions, tube_motions
+from cfjax.check.structure import require_tube_structure
+from cfjax.check.symbolic import symbolic
 from cfjax.coerce import instance, whole
 from cfjax.result import Result
 from cfjax.solver import DEFAULT, Program, Solution, Solver, solver_named
@@ -67,9 +68,9 @@ def robustness_document(document: dict[str, Any], workers: int = 1, solver: str 
     oracle = solver_named(solver, workers)
     each = zip(problem.distinct, certificate.funnels, certificate.hints, strict=True)
     funnels = [
-        hints_for(problem, dynamics, segment, funnel, [stretch.end for stretch in hints.stretches], oracle)
+        hints_for(LegClaim(problem, dynamics, segment, funnel), [stretch.end for stretch in hints.stretches], oracle)
         if isinstance(segment, SegmentClaim)
-        else tube_hints(problem, dynamics, segment, funnel, oracle)
+        else tube_hints(LegClaim(problem, dynamics, segment, funnel), oracle)
         for segment, funnel, hints in each
     ]
     return with_hash(CLAIM, {"certificate": document["hash"], "funnels": funnels})
@@ -82,9 +83,8 @@ def _chain_document(document: dict[str, Any], solver: Solver) -> dict[str, Any]:
     index_of = {run.tube: index for run, (_, _, index) in zip(runs, claim.runs, strict=True)}
     tubes: dict[int, dict[str, Any]] = {}
     for tube, bounds in bounds_along(claim.reference, runs).items():
-        asked = question_of(claim, index_of[tube], tube, bounds, timing_of(runs))
-        bands = tube_hints(asked.problem, asked.dynamics, asked.along, asked.funnel, solver)
-        tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": bands}
+        leg = leg_of(claim, index_of[tube], tube, bounds, timing_of(runs))
+        tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": tube_hints(leg, solver)}
     in_order = [entry for _, entry in sorted(tubes.items())]
     return with_hash(CLAIM, {"certificate": document["hash"], "tubes": in_order})
 
@@ -94,14 +94,7 @@ def held_shape(states: int) -> Shape:
     return states, (DEGREES[0], DEGREES[1], DEGREES[1])
 
 
-def hints_for(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim,
-    funnel: FunnelClaim,
-    ends: list[fmpq],
-    solver: Solver,
-) -> list[dict[str, Any]]:
+def hints_for(leg: LegClaim[SegmentClaim], ends: list[fmpq], solver: Solver) -> list[dict[str, Any]]:
     """For one funnel: a stretch of θ ends at each of `ends`. Condition (d)'s own do.
 
     Raises:
@@ -109,29 +102,26 @@ def hints_for(
     """
     found = []
     for begin, end in itertools.pairwise([fmpq(0), *ends]):
-        parts = between(segment.pieces, begin, end)
-        asked = motions(problem, dynamics, parts, funnel, (begin, end))
+        asked = motions(leg, (begin, end))
         found.append({"end": str(end), "levels": [_levels(motion, solver) for motion, _ in asked]})
     return found
 
 
-def tube_hints(
-    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, solver: Solver
-) -> list[dict[str, Any]]:
+def tube_hints(leg: LegClaim[Bounds], solver: Solver) -> list[dict[str, Any]]:
     """For a tube, in bands of speed.
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
     """
-    require_tube_structure(dynamics)
+    require_tube_structure(leg.dynamics)
     found = []
-    for band in itertools.pairwise(speed_bands(tube)):
-        asked = tube_motions(problem, dynamics, tube, funnel, band)
+    for band in itertools.pairwise(speed_bands(leg.along)):
+        asked = tube_motions(leg, band)
         found.append({"end": str(band[1]), "levels": [_levels(motion, solver) for motion, _ in asked]})
     return found
 
 
-def speed_bands(tube: TubeClaim) -> list[fmpq]:
+def speed_bands(tube: Bounds) -> list[fmpq]:
     """Ends of bands of speed, of equal ratio: as many as it takes to stay near BAND, and no more than MOST_BANDS."""
     lower, upper = tube.speed
     count = max(1, min(MOST_BANDS, round(math.log(float(upper / lower), BAND))))

@@ -12,7 +12,7 @@ from math import comb
 from flint import fmpq
 
 from cfjax.certificate.certifier import Statement
-from cfjax.certificate.posed import put_together
+from cfjax.certificate.posed import least_funnel, put_together
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.enclosure import TooLarge
 from cfjax.coerce import number, objects, one_of, whole
@@ -101,7 +101,8 @@ def proof_size(
         alike = isinstance(segment, Tube) or segment.is_steady
         if alike not in found:
             try:
-                found[alike] = put_together(problem, statement, kind, fmpq(1), template, beta_lower, beta_inner, change)
+                funnel = least_funnel(problem, kind, template, beta_lower, beta_inner, change)
+                found[alike] = put_together(problem, statement, kind, fmpq(1), funnel)
             except TooLarge as error:
                 raise InputError(f"vehicle {problem.vehicle.name}: expected a smaller proof, got: {error}") from None
             except ValueError:  # Broken among them: it is the proof, or `require_posable`, that says what is wrong

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import comb
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import fmpq
@@ -21,18 +21,20 @@ from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
 from cfjax.certificate.rounding import GRAM_BITS, round_rate, round_shape, round_whitening
 from cfjax.certificate.trace import dynamics_of
-from cfjax.certificate.writing import write_funnel, write_stretch
-from cfjax.check.decrease import Cell, Extreme, SteadyDecrease, level_pieces
-from cfjax.check.document import MOST_MONOMIALS, CellKey
+from cfjax.certificate.writing import write_stretch
+from cfjax.check.bounds import Bounds, Extreme, Range, place_of
+from cfjax.check.decrease import Cell, SteadyDecrease
+from cfjax.check.document import MOST_MONOMIALS, CellKey, FunnelClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
+from cfjax.check.level import LEVELS, Level
 from cfjax.check.piece import Piece, between
 from cfjax.check.program import Matrix
 from cfjax.check.proof import extremes_of, signs_text
 from cfjax.check.rational import decimal_text, rational
 from cfjax.check.reader import Broken
+from cfjax.check.structure import has_tube_structure
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import SmoothTube, TubeClaim, has_tube_structure, place_of
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
 from cfjax.problem import Path, Problem, Segment, Tube
@@ -49,7 +51,6 @@ BOUND_BITS = 20  # of these bounds
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider than the samples
 
 Progress = Callable[[str, int, int], None]
-Bounds = tuple[fmpq, fmpq]
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,14 @@ class RoundedFunnel:
     """A funnel whose numbers are short rationals and floating-point numbers at once."""
 
     funnel: Funnel
+    level: Level
     shape: Matrix
-    rate: fmpq
     beta_lower: fmpq
     beta_inner: fmpq
 
-    def write(self, margin: fmpq, margin_per_metre: fmpq | None) -> dict[str, Any]:
-        levels = self.beta_lower, self.beta_inner
-        return write_funnel(self.funnel.template.name, self.shape, self.rate, levels, margin, margin_per_metre)
+    def claim(self, margin: fmpq = fmpq(0), margin_per_metre: fmpq | None = None) -> FunnelClaim:
+        """What a file says of it."""
+        return FunnelClaim(self.level, self.shape, self.beta_lower, self.beta_inner, margin, margin_per_metre)
 
 
 def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
@@ -76,7 +77,8 @@ def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
         rate=float(rate),
         duration=segment.duration,
     )
-    return RoundedFunnel(same, shape, rate, rational(float(funnel.beta_lower)), rational(float(funnel.inner)))
+    level = LEVELS[funnel.template.name](rate)
+    return RoundedFunnel(same, level, shape, rational(float(funnel.beta_lower)), rational(float(funnel.inner)))
 
 
 class NotProven(Exception):
@@ -112,7 +114,7 @@ class Stretch:
 
     begin: fmpq
     end: fmpq
-    bounds: TubeClaim
+    bounds: Bounds
 
     @property
     def name(self) -> str:
@@ -144,7 +146,7 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = F
     first = parts[0]
     if all(part.is_constant and part.speed == first.speed and part.turn_rate == first.turn_rate for part in parts):
         kappa, v, zero = first.turn_rate[0] / first.speed[0], first.speed[0], fmpq(0)
-        return Stretch(begin, end, TubeClaim((kappa, kappa), (v, v), (zero, zero)))
+        return Stretch(begin, end, Bounds((kappa, kappa), (v, v), (zero, zero)))
     profiles = [_sampled(part) for part in parts]
     speed, turn, slope, turn_slope = (np.concatenate(each) for each in zip(*profiles, strict=True))
     if not speed.min() > 0:
@@ -154,10 +156,8 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = F
     level = (first.speed[0], first.speed[0]), (fmpq(0), fmpq(0))
     for slack in SLACKS:
         moving = level if _is_constant(parts) else (_around(speed, slack), _around(slope, slack))
-        bounds = TubeClaim(_around(turn / speed, slack), *moving)
-        if is_smooth:
-            rate = (turn_slope - turn / speed * slope) / speed
-            bounds = SmoothTube(bounds.curvature, *moving, _around(rate, slack))
+        changing = _around((turn_slope - turn / speed * slope) / speed, slack) if is_smooth else None
+        bounds = Bounds(_around(turn / speed, slack), *moving, changing)
         if bounds.speed[0] > 0 and all(part.inside(bounds) for part in parts):
             return Stretch(begin, end, bounds)
     raise ValueError(f"no bounds are proven between theta = {float(begin):.4g} and {float(end):.4g} s")
@@ -175,7 +175,7 @@ def _sampled(part: Piece) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
     return speed(t), turn(t), speed.deriv()(t) + 0 * t, turn.deriv()(t) + 0 * t
 
 
-def _around(values: np.ndarray, slack: float) -> Bounds:
+def _around(values: np.ndarray, slack: float) -> Range:
     spare = slack * (1 + float(np.abs(values).max()))
     low, high = math.ldexp(float(values.min()) - spare, BOUND_BITS), math.ldexp(float(values.max()) + spare, BOUND_BITS)
     return fmpq(math.floor(low), 2**BOUND_BITS), fmpq(math.ceil(high), 2**BOUND_BITS)
@@ -201,8 +201,7 @@ def decreases_on(
         name: (rational(float(limits.lower)), rational(float(limits.upper)))
         for name, limits in zip(names, problem.inputs, strict=True)
     }
-    template, span = rounded.funnel.template.name, (stretch.begin, stretch.end)
-    pieces = level_pieces(template, rounded.rate, span, rounded.beta_lower, rounded.beta_inner)
+    pieces = rounded.level.shell((stretch.begin, stretch.end), rounded.beta_lower, rounded.beta_inner)
     dynamics = symbolic(graph, states, tuple(box))
     extremes = extremes_of(dynamics, states, box, rounded.shape, stretch.bounds)
     peak = max(piece.upper for piece in pieces)
@@ -288,8 +287,16 @@ class _TooLittle(Exception):
     """A cell of a stretch that may be cut proves less than the target."""
 
 
+class Means(NamedTuple):
+    """By what proofs are found: a solver, a clock (s: `plan`, `sos`, `exact`), and who hears of every cell."""
+
+    solver: Solver
+    clock: dict[str, float]
+    progress: Progress | None = None
+
+
 class Prover:
-    """Proves the stretches of one segment or tube, by a solver's hints and a clock (s: `plan`, `sos`, `exact`)."""
+    """Proves the stretches of one segment or tube; `room`: entries of Gram matrices that the file can still hold."""
 
     def __init__(
         self,
@@ -298,19 +305,17 @@ class Prover:
         graph: Graph,
         kind: int,
         room: int,
-        solver: Solver,
-        clock: dict[str, float],
-        progress: Progress | None,
+        means: Means,
     ) -> None:
         self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
-        self.solver, self.clock, self.progress = solver, clock, progress
+        self.solver, self.clock, self.progress = means
         self.degrees: tuple[int, ...] = ()
         self.is_smooth = not has_tube_structure(dynamics_of(problem.vehicle))
-        self.room = room  # entries of Gram matrices that the file can still hold
+        self.room = room
         self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0
 
-    def along(self, segment: Sequence[Piece] | TubeClaim, target: float) -> list[StretchProof]:
+    def along(self, segment: SegmentClaim | Bounds, target: float) -> list[StretchProof]:
         """Stretches that cover the segment, as many as the target (1/s) needs; with target 0 a single one.
 
         The falsifier plans them. One that proves less than it was planned for is halved, as long as that can help.
@@ -318,10 +323,10 @@ class Prover:
         Raises:
             NotProven: a stretch that is not cut any further proves nothing.
         """
-        if isinstance(segment, TubeClaim):
+        if isinstance(segment, Bounds):
             return [self.prove(Stretch(fmpq(0), fmpq(0), segment), 0.0)]
-        duration = sum((piece.duration for piece in segment), fmpq(0))
-        ends, target = self._planned(segment, duration, target)
+        pieces, duration = segment.pieces, segment.duration
+        ends, target = self._planned(pieces, duration, target)
         begins = (0, *ends[:-1])
         parts = [(fmpq(begin, CELLS), fmpq(end, CELLS), 0) for begin, end in zip(begins, ends, strict=True)]
         found: list[StretchProof] = []
@@ -330,7 +335,7 @@ class Prover:
             first, last, halvings = open_.pop()
             begin, end = first * duration, last * duration
             with self._at(begin, end):
-                stretch = self._exactly(lambda begin=begin, end=end: bounded(segment, begin, end, self.is_smooth))
+                stretch = self._exactly(lambda begin=begin, end=end: bounded(pieces, begin, end, self.is_smooth))
                 room = len(found) + len(open_) + 2 <= self._most_stretches() and halvings < MOST_HALVINGS
                 try:
                     found.append(self.prove(stretch, target if room and self._can_gain(stretch) else 0.0))
@@ -375,7 +380,7 @@ class Prover:
 
     def _can_gain(self, stretch: Stretch) -> bool:
         """Whether shorter stretches could prove more: not where nothing changes along it."""
-        return not (stretch.bounds.is_single and self.rounded.rate == 0)
+        return not (stretch.bounds.is_single and self.rounded.level.rate == 0)
 
     def prove(self, stretch: Stretch, target: float) -> StretchProof:
         """All cells of a stretch.

@@ -7,20 +7,20 @@ from typing import Any
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds
 from cfjax.check.clearance import HalfPlane
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import BOUNDS, CURVATURE_RATE, FORMAT, VERSION, CellKey, document_hash
+from cfjax.check.document import FORMAT, VERSION, CellKey, FunnelClaim, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
 from cfjax.check.meaning import closes
 from cfjax.check.piece import Piece
-from cfjax.check.program import Gram, Matrix
+from cfjax.check.program import Gram
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import SmoothTube, TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
-from cfjax.exact import exact_course, write_pieces
+from cfjax.exact import exact_bounds, exact_course, write_pieces
 from cfjax.problem import Problem, Vehicle
 
 
@@ -60,24 +60,17 @@ def write_vehicle(vehicle: Vehicle, graph: Graph) -> dict[str, Any]:
     }
 
 
-def write_funnel(
-    template: str,
-    shape: Matrix,
-    rate: fmpq,
-    levels: tuple[fmpq, fmpq],
-    margin: fmpq,
-    margin_per_metre: fmpq | None = None,
-) -> dict[str, Any]:
-    """The V of one kind of segment with the margin that is claimed for it; `levels` are β̲ and β_in."""
+def write_funnel(funnel: FunnelClaim) -> dict[str, Any]:
+    """The V of one kind of segment with the margin that is claimed for it."""
     return {
-        "template": template,
-        "shape": [str(shape[i][j]) for i in range(len(shape)) for j in range(i + 1)],
-        "rate": str(rate),
+        "template": funnel.level.name,
+        "shape": [str(funnel.shape[i][j]) for i in range(len(funnel.shape)) for j in range(i + 1)],
+        "rate": str(funnel.level.rate),
         "beta": "1",
-        "beta_lower": str(levels[0]),
-        "beta_inner": str(levels[1]),
-        "margin": str(margin),
-        "margin_per_metre": None if margin_per_metre is None else str(margin_per_metre),
+        "beta_lower": str(funnel.beta_lower),
+        "beta_inner": str(funnel.beta_inner),
+        "margin": str(funnel.margin),
+        "margin_per_metre": None if funnel.margin_per_metre is None else str(funnel.margin_per_metre),
     }
 
 
@@ -88,7 +81,7 @@ def write_decrease(degrees: Sequence[int], stretches: list[dict]) -> dict[str, A
 
 def write_stretch(
     end: fmpq,
-    bounds: TubeClaim,
+    bounds: Bounds,
     decrease: SteadyDecrease,
     cells: Sequence[tuple[CellKey, fmpq, Sequence[Gram]]],
 ) -> dict[str, Any]:
@@ -131,10 +124,9 @@ def write_grams(grams: Sequence[Gram]) -> list[dict[str, Any]]:
     return [{"exponent": gram.exponent, "lower": list(gram.lower)} for gram in grams]
 
 
-def write_bounds(bounds: TubeClaim) -> dict[str, Any]:
+def write_bounds(bounds: Bounds) -> dict[str, Any]:
     """Intervals of curvature, speed and acceleration, and of the curvature's rate where that is bounded."""
-    names = (*BOUNDS, CURVATURE_RATE) if isinstance(bounds, SmoothTube) else BOUNDS
-    return {name: [str(end) for end in getattr(bounds, name)] for name in names}
+    return {name: [str(end) for end in ends] for name, ends in bounds.intervals.items()}
 
 
 def write_clearance(planes: Sequence[Sequence[Sequence[Sequence[HalfPlane]]]]) -> list:
@@ -206,12 +198,7 @@ def _closes(problem: Problem, graph: Graph, pieces: Sequence[Piece]) -> bool:
 def _path(problem: Problem, graph: Graph) -> dict[str, Any]:
     path = problem.path
     if path.tube:
-        tube = path.tube
-        bounds = (
-            (rational(float(interval.lower)), rational(float(interval.upper)))
-            for interval in (tube.curvature, tube.speed, tube.acceleration)
-        )
-        return {"name": path.name, "tube": write_bounds(TubeClaim(*bounds))}
+        return {"name": path.name, "tube": write_bounds(exact_bounds(path.tube))}
     reference = exact_course(path)
     return {
         "name": path.name,

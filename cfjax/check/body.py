@@ -17,8 +17,8 @@ from collections.abc import Sequence
 
 from flint import fmpq, fmpq_mpoly
 
+from cfjax.check.structure import SPEED, SPEED_SLOPE, TURN_RATE, TURN_RATE_SLOPE
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import SPEED, SPEED_SLOPE, TURN_RATE, TURN_RATE_SLOPE
 from cfjax.check.vehicle import POSE
 
 

@@ -1,7 +1,7 @@
 """A tube with a checked certificate, and what it says of a car along its reference: how fast the level V falls.
 
 A tube is an ellipsoid {V(x) = xᵀ C x ≤ 1} of deviations that holds along every path whose curvature κ = ω_r/v_r, speed
-v_r and acceleration dv_r/dθ stay inside its intervals: V̇ ≤ −μ v_r min(1, V/β̲) for V in [β_in, 1], so that {V ≤ β_in}
+v_r and acceleration dv_r/dθ stay inside its bounds: V̇ ≤ −μ v_r min(1, V/β̲) for V in [β_in, 1], so that {V ≤ β_in}
 holds too. The reference moves by ds = u0 v_r dt with u0 ≤ u0_hi, and the run-time law asks for 0.95 of the certified
 decrease: dV/ds ≤ −(0.95 μ/u0_hi) min(1, V/β̲), which is integrated.
 """
@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from flint import arb, fmpq, fmpq_mat
 
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.program import Matrix
 from cfjax.check.rational import about, exp_bounds, is_positive_definite, upper_bound
-from cfjax.check.tube import Range
 from cfjax.check.vehicle import STATES
 
 
@@ -39,10 +39,10 @@ class Origin(NamedTuple):
 class CertifiedTube:
     """A tube with a checked certificate: the numbers that chains are proven from.
 
-    `parameters` are the vehicle's; `curvature` in 1/m, `speed` in m/s, `acceleration` dv_r/dθ in m/s² are closed
-    intervals. `shape` is C in the coordinates `states`. `margin` (1/s) and `margin_per_metre` are λ and μ of
-    V̇ ≤ −λ min(1, V/beta_lower) and V̇ ≤ −μ v_r min(1, V/beta_lower) for V in [beta_inner, 1]. `inputs` are intervals by
-    name, "u0", the rate of θ, first.
+    `parameters` are the vehicle's; `bounds` those of the paths along which it holds, whose curvature may jump. `shape`
+    is C in the coordinates `states`. `margin` (1/s) and `margin_per_metre` are λ and μ of V̇ ≤ −λ min(1, V/beta_lower)
+    and V̇ ≤ −μ v_r min(1, V/beta_lower) for V in [beta_inner, 1]. `inputs` are intervals by name, "u0", the rate of θ,
+    first.
 
     Raises:
         ValueError: for numbers that are none of a tube. That the certificate is true is not asked here.
@@ -52,9 +52,7 @@ class CertifiedTube:
     vehicle: str
     parameters: Mapping[str, fmpq]
     method: str
-    curvature: Range
-    speed: Range
-    acceleration: Range
+    bounds: Bounds
     shape: Matrix
     beta_lower: fmpq
     beta_inner: fmpq
@@ -65,12 +63,11 @@ class CertifiedTube:
     states: tuple[str, ...] = STATES
 
     def __post_init__(self) -> None:
-        for label in ("curvature", "speed", "acceleration"):
-            lower, upper = getattr(self, label)
+        for label, (lower, upper) in self.bounds.intervals.items():
             if not lower <= upper:
                 raise ValueError(f"tube {self.name}: expected an interval of {label}, lower end first")
-        if not self.speed[0] > 0:
-            raise ValueError(f"tube {self.name}: expected speeds above zero, got {about(self.speed[0])}")
+        if not self.bounds.speed[0] > 0:
+            raise ValueError(f"tube {self.name}: expected speeds above zero, got {about(self.bounds.speed[0])}")
         if len(self.shape) != len(self.states) or not is_positive_definite(self.shape):
             raise ValueError(f"tube {self.name}: expected a positive definite C in {', '.join(self.states)}")
         if not 0 < self.beta_inner <= self.beta_lower <= 1 or not self.margin_per_metre > 0:

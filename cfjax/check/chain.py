@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
-from cfjax.check.containment import broken_containments
+from cfjax.check.containment import STILL, Asked, broken_containments
 from cfjax.check.document import (
     FORMAT,
     MOST_PARAMETERS,
@@ -36,7 +37,6 @@ from cfjax.check.reference import Reference, is_closed
 from cfjax.check.report import Outcome, Report
 from cfjax.check.similarity import scaled, served
 from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import TubeClaim
 from cfjax.check.vehicle import KNOWN_VEHICLES, POSE
 
 
@@ -74,17 +74,15 @@ def tube_of(document: object, name: str) -> CertifiedTube:
         Unreadable: no certificate, or one of something else.
     """
     problem, (funnel, *_) = read_claims(document)
-    tube = problem.course
-    if not isinstance(tube, TubeClaim) or funnel.margin_per_metre is None:
+    bounds = problem.course
+    if not isinstance(bounds, Bounds) or funnel.margin_per_metre is None:
         raise Unreadable("expected the certificate of a tube, got one of something else")
     return CertifiedTube(
         name=name,
         vehicle=problem.vehicle.name,
         parameters=problem.vehicle.parameters,
         method=problem.method,
-        curvature=tube.curvature,
-        speed=tube.speed,
-        acceleration=tube.acceleration,
+        bounds=bounds,
         shape=funnel.shape,
         beta_lower=funnel.beta_lower,
         beta_inner=funnel.beta_inner,
@@ -190,11 +188,10 @@ def _is_alike(claim: ChainClaim, certificate: object) -> bool:
 
 def _check_sets(sets: SetsClaim, runs: list[Run], finish: fmpq) -> None:
     """Raises Broken unless I is in the first tube, every tube in S, and {V ≤ finish} of the last one in G."""
-    zero = fmpq(0)
     states = runs[0].tube.states
-    broken = broken_containments(states, runs[0].tube.shape, "paper", zero, zero, sets.inlet, None, sets.safe)
+    broken = broken_containments(states, runs[0].tube.shape, STILL, Asked(sets.inlet, None, sets.safe))
     for run in runs[1:]:
-        broken += broken_containments(states, run.tube.shape, "paper", zero, zero, None, None, sets.safe)
+        broken += broken_containments(states, run.tube.shape, STILL, Asked(None, None, sets.safe))
     broken += broken_goal(sets, runs[-1].tube, finish)
     if broken:
         raise Broken("; ".join(dict.fromkeys(broken)))
@@ -203,7 +200,7 @@ def _check_sets(sets: SetsClaim, runs: list[Run], finish: fmpq) -> None:
 def broken_goal(sets: SetsClaim, tube: CertifiedTube, level: fmpq) -> list[str]:
     """Why {V ≤ level} = {xᵀ (C/level) x ≤ 1} does not lie in G; nothing where it does."""
     end = [[entry / level for entry in row] for row in tube.shape]
-    return broken_containments(tube.states, end, "paper", fmpq(0), fmpq(1), None, sets.goal, None)
+    return broken_containments(tube.states, end, STILL, Asked(None, sets.goal, None))
 
 
 def _sets_text(sets: SetsClaim | None, states: tuple[str, ...]) -> tuple[str, str]:

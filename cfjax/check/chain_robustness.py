@@ -24,18 +24,18 @@ from typing import NamedTuple
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.chain import ChainClaim, broken_goal, prove_runs
-from cfjax.check.document import FunnelClaim, ProblemClaim, read_claims
+from cfjax.check.document import read_claims
 from cfjax.check.enclosure import Budget
 from cfjax.check.handover import Run
 from cfjax.check.held_hints import TubeHints
-from cfjax.check.proof import MOST_EFFORT
+from cfjax.check.proof import MOST_EFFORT, LegClaim
 from cfjax.check.rational import decimal_text, dyadic, rational, sqrt_lower
 from cfjax.check.reader import Broken
 from cfjax.check.robustness import SHARE, Absorbed, Rates, Robustness, absorbed, bands_of, least_level, tube_rates
-from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import Range, TubeClaim
+from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
@@ -62,7 +62,7 @@ class HeldTube:
     """A tube with bounds over it along the path's runs there, in the path's units."""
 
     tube: CertifiedTube
-    bounds: TubeClaim  # of the path along its runs
+    bounds: Bounds  # of the path along its runs
     told: Told
     fastest: fmpq  # u0_hi of the whole path
     bands: tuple[Range, ...]  # speeds, m/s
@@ -123,23 +123,16 @@ class Descent:
         return level
 
 
-@dataclass(frozen=True)
-class Question:
-    """What is asked of a tube along its runs, in the units of its certificate, for all that the path's car can do."""
-
-    problem: ProblemClaim
-    dynamics: Symbolic
-    along: TubeClaim
-    funnel: FunnelClaim  # margins as they are told
-
-
 def timing_of(runs: Sequence[Run]) -> Range:
     """Of all tubes together: inputs are held from one into the next."""
     return min(run.tube.timing[0] for run in runs), max(run.tube.timing[1] for run in runs)
 
 
-def question_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: TubeClaim, timing: Range) -> Question:
-    """Of the tube with that index, in the path's units `tube`; bounds of the path along its runs there.
+def leg_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: Bounds, timing: Range) -> LegClaim[Bounds]:
+    """What is asked of a tube along its runs, in its certificate's units, with margins as they are told.
+
+    `tube` is the one with that index in the path's units, `bounds` are those of the path along its runs there; its
+    inputs do all that the path's car can do.
 
     Raises:
         Unreadable, Broken: as the tube's certificate.
@@ -152,7 +145,7 @@ def question_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: Tube
         units = known.units(length, speed)
         inputs |= {name: (-limit / units[name], limit / units[name]) for name, limit in as_scaled.items()}
     margin, per_metre, *_ = Told.of(tube)
-    return Question(
+    return LegClaim(
         problem=replace(problem, inputs=inputs),
         dynamics=symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(inputs)),
         along=bounds.scaled(1 / length, 1 / speed),
@@ -175,10 +168,10 @@ def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tup
             raise Broken(f"tube {index}: it holds nowhere along the path")
         if not all(piece.inside(own.bounds) for run in mine for piece in pieces[run.begin : run.end]):
             raise Broken(f"robustness: the path leaves the bounds that are told of it in tube {index}")
-        if not own.bounds.lies_in(mine[0].tube):
+        if not own.bounds.lies_in(mine[0].tube.bounds):
             raise Broken(f"robustness: the bounds that are told of the path are wider than tube {index}")
-        question = question_of(claim, index, mine[0].tube, own.bounds, timing)
-        held.append(_held(mine[0].tube, question, timing, own, claim.tubes[index][1:], effort))
+        leg = leg_of(claim, index, mine[0].tube, own.bounds, timing)
+        held.append(_held(mine[0].tube, leg, timing, own, claim.tubes[index][1:], effort))
     by_run = [held[tube] for _, _, tube in claim.runs]
     ways = [run.length(claim.reference) for run in runs]
     rates = [each for own in held for each in own.rates]
@@ -213,23 +206,19 @@ def _handed_over(claim: ChainClaim, tubes: Sequence[HeldTube], ends: Sequence[fm
 
 
 def _held(
-    tube: CertifiedTube, question: Question, timing: Range, hints: TubeHints, scale: tuple[fmpq, fmpq], effort: Budget
+    tube: CertifiedTube,
+    leg: LegClaim[Bounds],
+    timing: Range,
+    hints: TubeHints,
+    scale: tuple[fmpq, fmpq],
+    effort: Budget,
 ) -> HeldTube:
     """Bounds over a tube, proven in the units of its certificate."""
     length, speed = scale
     told = Told.of(tube)
-    bands = bands_of(question.along, hints.bands)
+    bands = bands_of(leg.along, hints.bands)
     rates = [
-        tube_rates(
-            question.problem,
-            question.dynamics,
-            question.along,
-            question.funnel,
-            band,
-            told.shell,
-            stretch.pieces,
-            effort,
-        )
+        tube_rates(leg, band, told.shell, stretch.pieces, effort)
         for band, stretch in zip(bands, hints.bands, strict=True)
     ]
     known = KNOWN_VEHICLES.get(tube.vehicle)  # of others the scales are 1

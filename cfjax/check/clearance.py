@@ -33,6 +33,7 @@ from functools import cached_property
 from flint import acb, arb, arb_series, fmpq, fmpq_mat
 
 from cfjax.check.enclosure import Budget
+from cfjax.check.level import Level
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import bernstein
 from cfjax.check.program import Matrix
@@ -93,23 +94,19 @@ class HalfPlane:
 class Shadow:
     """What a disc of the body sweeps in the plane while the deviation is anywhere in {xᵀ C x ≤ ρ(θ)}.
 
-    `shape` is C in the pose (α, x, y) and any other states, `rate` (1/s) is c0 of "paper", ρ = 1 − c0 θ, or k of
-    "contracting", ρ = e^{−kθ}; below zero the funnel grows.
+    `shape` is C in the pose (α, x, y) and any other states.
 
     Raises:
-        ValueError: for a shape that is not positive definite, or an unknown template.
+        ValueError: for a shape that is not positive definite.
     """
 
     shape: Matrix
-    template: str
-    rate: fmpq
+    level: Level
     disc: FootprintClaim
 
     def __post_init__(self) -> None:
         if len(self.shape) < len(POSE) or not is_positive_definite(self.shape):
             raise ValueError(f"clearance: expected a positive definite C in {', '.join(POSE)} and other states")
-        if self.template not in ("paper", "contracting"):
-            raise ValueError(f"clearance: unknown template {self.template!r}")
 
     @cached_property
     def inverse(self) -> fmpq_mat:
@@ -118,14 +115,8 @@ class Shadow:
 
     def check_end(self, duration: fmpq) -> None:
         """Raises ValueError for a funnel that is empty before θ = duration (s): ρ is monotone and starts at one."""
-        if not self.level(arb(duration))[0] > 0:
+        if not self.level.series(arb(duration), TERMS)[0] > 0:
             raise ValueError("clearance: the funnel is empty before its end")
-
-    def level(self, theta: arb) -> arb_series:
-        """ρ at θ + u in powers of u."""
-        if self.template == "paper":
-            return arb_series([1 - self.rate * theta, arb(-self.rate)], prec=TERMS)
-        return arb_series([-self.rate * theta, arb(-self.rate)], prec=TERMS).exp()
 
     def reach(self, normal: acb, piece: Piece, heading: fmpq, at: arb) -> tuple[list[arb], arb]:
         """How far the disc's centre gets along the normal (n as a complex number) from where the piece starts.
@@ -139,7 +130,7 @@ class Shadow:
         turned, moved = phase * facing, velocity * facing
         a = arb_series([turned[k].real for k in range(TERMS)], prec=TERMS)
         b = arb_series([-turned[k].imag for k in range(TERMS)], prec=TERMS)
-        level = self.level(piece.theta + at)
+        level = self.level.series(piece.theta + at, TERMS)
         o, inverse = self.disc.offset, self.inverse
         m = (a * level * (o * inverse[0, 0] / 8) - a * o, a, b)
         swing, *others = (sum((inverse[i, j] * m[j] for j in range(1, 3)), inverse[i, 0] * m[0]) for i in range(3))
@@ -168,28 +159,24 @@ class Shadow:
 def prove_clearance(
     pieces: Sequence[Piece],
     start: ExactPose,
-    shape: Matrix,
-    template: str,
-    rate: fmpq,
+    shadow: Shadow,
     obstacle: ObstacleClaim,
-    disc: FootprintClaim,
     planes: Sequence[HalfPlane],
     budget: Budget | None = None,
 ) -> None:
     """Proves that a disc of the body touches the obstacle at no θ of one segment, whatever the deviation in the funnel.
 
-    `pieces` are the segment's, from θ = 0, `start` is its start pose; `shape`, `template` and `rate` as in `Shadow`.
-    The first half-plane holds from θ = 0, each of the others from where the one before ended, the last one up to the
-    segment's duration. A budget may be shared by several proofs; without one the proof has its own.
+    `pieces` are the segment's, from θ = 0, `start` is its start pose. The first half-plane holds from θ = 0, each of
+    the others from where the one before ended, the last one up to the segment's duration. A budget may be shared by
+    several proofs; without one the proof has its own.
 
     Raises:
         ValueError: says what is not as it has to be, or from which θ on it is not proven.
     """
     budget = Budget(LARGEST_EFFORT) if budget is None else budget
     budget.spend(len(pieces) + len(planes) * (STRETCH_EFFORT + len(obstacle.corners)))
-    _check_numbers(pieces, start, shape, rate, obstacle, disc, planes)
+    _check_numbers(pieces, start, shadow, obstacle, planes)
     duration = _duration(pieces)
-    shadow = Shadow(shape, template, rate, disc)
     shadow.check_end(duration)
     ends = [fmpq(0), *(plane.end for plane in planes)]
     if ends[-1] != duration or not all(begin < end for begin, end in itertools.pairwise(ends)):
@@ -286,10 +273,8 @@ def _duration(pieces: Sequence[Piece]) -> fmpq:
 def _check_numbers(
     pieces: Sequence[Piece],
     start: ExactPose,
-    shape: Matrix,
-    rate: fmpq,
+    shadow: Shadow,
     obstacle: ObstacleClaim,
-    disc: FootprintClaim,
     planes: Sequence[HalfPlane],
 ) -> None:
     """Raises ValueError for numbers that are too long to compute with."""
@@ -297,9 +282,11 @@ def _check_numbers(
     def numbers() -> Iterator[fmpq]:
         for piece in pieces:
             yield from (piece.theta, piece.duration, *piece.turn_rate, *piece.speed)
-        for row in (*shape, *obstacle.corners, *(plane.normal for plane in planes)):
+        for row in (*shadow.shape, *obstacle.corners, *(plane.normal for plane in planes)):
             yield from row
-        yield from (start.heading, rate, obstacle.round, disc.radius, disc.offset, *(plane.end for plane in planes))
+        disc = shadow.disc
+        yield from (start.heading, shadow.level.rate, obstacle.round, disc.radius, disc.offset)
+        yield from (plane.end for plane in planes)
 
     if any(bits(number) > LONGEST_NUMBER for number in numbers()):
         raise ValueError(f"clearance: expected numbers of at most {LONGEST_NUMBER} bits")

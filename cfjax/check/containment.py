@@ -10,33 +10,37 @@ Where ρ is not rational, a rational above it stands for it.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.decrease import level_bounds
+from cfjax.check.bounds import Range
 from cfjax.check.program import Matrix
 from cfjax.check.rational import is_positive_definite, pi_lower, sqrt_upper
 
 
 HEADING = "alpha"
+STILL = fmpq(1), fmpq(1)  # ρ of a funnel whose level does not change
 
 
-def broken_containments(
-    states: Sequence[str],
-    shape: Matrix,
-    template: str,
-    rate: fmpq,
-    duration: fmpq,
-    inlet: Sequence[fmpq] | None,
-    goal: Sequence[fmpq] | None,
-    safe: Sequence[fmpq] | None,
-) -> list[str]:
+class Asked(NamedTuple):
+    """The sets that one funnel is asked about: half-axes of I and G, half-widths of S, one per state.
+
+    None where nothing is asked: in the middle of a chain it is the links that are proven instead.
+    """
+
+    inlet: Sequence[fmpq] | None
+    goal: Sequence[fmpq] | None
+    safe: Sequence[fmpq] | None
+
+
+def broken_containments(states: Sequence[str], shape: Matrix, end: Range, asked: Asked) -> list[str]:
     """What is not proven of (a), (b), (c): one line each, none for a funnel that keeps them.
 
-    `inlet` and `goal` are half-axes, `safe` half-widths, one per state; None where nothing is asked: in the middle of a
-    chain it is the links that are proven instead.
+    `end` are rationals below and above ρ(T).
     """
-    lowest_end, highest_end = level_bounds(template, rate, duration)
+    lowest_end, highest_end = end
+    inlet, goal, safe = asked
     broken = []
     if inlet is not None and not is_positive_definite(_difference(_diagonal(inlet), shape, fmpq(1))):
         broken.append("condition (a): the inlet I does not lie inside the funnel's start")

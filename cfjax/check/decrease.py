@@ -1,12 +1,12 @@
 """Condition (d) in exact arithmetic: what has to be shown for one vertex of the input box, and how Gram matrices do.
 
 On a steady segment, with x = W y for a rational whitening W ≈ C^{−1/2} and q = xᵀ C x, the claim "some input gives
-V̇ ≤ −λ on the shell" reads (`cfjax.funnel.template`)
+V̇ ≤ −λ on the shell" reads (`cfjax.check.level`)
 
     for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ drop(q).
 
-Along a tube it has to hold at several references (`cfjax.check.tube`), for some of them with the same input at the same
-y: these share the s_i below, which are then those of their nominal reference.
+Within bounds it has to hold at several references (`cfjax.check.bounds`), for some of them with the same input at the
+same y: these share the s_i below, which are then those of their nominal reference.
 
 The shell is cut at the q where `drop` has its kink, and each piece into the cells of one sign pattern of the
 polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
@@ -27,78 +27,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
 
 from flint import arb, fmpq, fmpq_mpoly
 
+from cfjax.check.bounds import Extreme
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph
+from cfjax.check.level import LevelPiece
 from cfjax.check.program import CellProof, FunnelProgram, Matrix
 from cfjax.check.quotient import Quotient, UnaryOf, applied
-from cfjax.check.rational import exp_bounds, sqrt_upper, upper_bound
-
-
-@dataclass(frozen=True)
-class LevelPiece:
-    """A range of q = xᵀ C x and, on it, timing(q) and drop(q) as affine functions (constant, slope)."""
-
-    lower: fmpq
-    upper: fmpq
-    timing: tuple[fmpq, fmpq]
-    drop: tuple[fmpq, fmpq]
-
-    def timing_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
-        return self.timing[0] + self.timing[1] * q
-
-    def drop_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
-        return self.drop[0] + self.drop[1] * q
-
-    @property
-    def least_drop(self) -> fmpq:
-        constant, slope = self.drop
-        return min(constant + slope * self.lower, constant + slope * self.upper)
-
-
-def level_bounds(template: str, rate: fmpq, theta: fmpq) -> tuple[fmpq, fmpq]:
-    """Rationals below and above ρ(θ), the level of the funnel at θ."""
-    if template == "paper":
-        return 1 - rate * theta, 1 - rate * theta
-    if template == "contracting":
-        return exp_bounds(-rate * theta)
-    raise ValueError(f"unknown template {template!r}")
-
-
-class Extreme(NamedTuple):
-    """One reference that has to be proven, and the one at which the signs of its cells are read; by profile names."""
-
-    nominal: Mapping[str, fmpq]
-    profile: Mapping[str, fmpq]
-
-
-def level_pieces(
-    template: str, rate: fmpq, stretch: tuple[fmpq, fmpq], beta_lower: fmpq, beta_inner: fmpq
-) -> list[LevelPiece]:
-    """The shell β_in ≤ V ≤ 1 on a stretch of θ, θ itself eliminated: ranges of q that cover it; β_in ≤ β̲.
-
-    Raises:
-        ValueError: where the shell would hold the reference itself (q = 0).
-    """
-    (first_low, first_high), (last_low, last_high) = (level_bounds(template, rate, theta) for theta in stretch)
-    zero, one = fmpq(0), fmpq(1)
-    peak = max(first_high, last_high)
-    if template == "paper":
-        change = 1 - min(first_low, last_low)
-        start, kink = beta_inner - change, beta_lower - change
-        timing, rising, flat = (rate, zero), (change / beta_lower, 1 / beta_lower), (one, zero)
-    else:
-        start, kink = beta_inner * min(first_low, last_low), beta_lower * peak
-        timing, rising, flat = (zero, rate), (zero, 1 / beta_lower), (peak, zero)
-    pieces = [LevelPiece(kink, peak, timing, flat)]
-    if start < kink:
-        pieces.insert(0, LevelPiece(start, kink, timing, rising))
-    if pieces[0].lower <= 0:
-        raise ValueError("the shell reaches the reference: c0 T has to stay below the shell's inner level")
-    return pieces
+from cfjax.check.rational import sqrt_upper, upper_bound
 
 
 def contraction_way(beta_lower: fmpq, beta_inner: fmpq) -> fmpq:

@@ -13,15 +13,17 @@ from math import comb
 
 from flint import acb, arb, fmpq
 
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
+from cfjax.check.containment import Asked
 from cfjax.check.graph import ARITY, Graph, Node
+from cfjax.check.level import LEVELS, Level
 from cfjax.check.piece import Piece, are_steady
 from cfjax.check.polynomial import Coefficients
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.tube import Range, SmoothTube, TubeClaim
 
 
 FORMAT = "cfjax-certificate"
@@ -29,7 +31,6 @@ VERSION = 3
 CLAIMS = ("funnel", "refutation")
 BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate"
 PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
-TEMPLATES = {"paper": "c0", "contracting": "rate"}
 MOST_STATES = 6
 MOST_PARAMETERS = 32  # of a vehicle
 MOST_INPUTS = 4  # u0 among them
@@ -107,7 +108,7 @@ class ProblemClaim:
     method: str
     inputs: Mapping[str, tuple[fmpq, fmpq]]  # u0 first
     path: str
-    course: Course | TubeClaim
+    course: Course | Bounds
     inlet: tuple[fmpq, ...]  # half-axes of I
     goal: tuple[fmpq, ...] | None  # half-axes of G; None of a tube of which none is asked
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
@@ -118,24 +119,33 @@ class ProblemClaim:
     def is_steady(self) -> bool:
         """Whether it speaks of one turning rate and speed alone."""
         course = self.course
-        return course.is_single if isinstance(course, TubeClaim) else are_steady(course.reference.pieces)
+        return course.is_single if isinstance(course, Bounds) else are_steady(course.reference.pieces)
 
     @property
-    def distinct(self) -> tuple[SegmentClaim | TubeClaim, ...]:
+    def kinds(self) -> tuple[int, ...]:
+        """For each segment, the funnel along it; a tube is one."""
+        return self.course.kinds if isinstance(self.course, Course) else (0,)
+
+    @property
+    def distinct(self) -> tuple[SegmentClaim | Bounds, ...]:
         """One for each funnel: the tube, or the first segment of each kind."""
         course = self.course
-        if isinstance(course, TubeClaim):
+        if isinstance(course, Bounds):
             return (course,)
-        return tuple(course.segments[course.kinds.index(kind)] for kind in range(max(course.kinds) + 1))
+        return tuple(course.segments[self.kinds.index(kind)] for kind in range(max(self.kinds) + 1))
+
+    def asked(self, kind: int) -> Asked:
+        """What is asked of the funnel along segments of that kind."""
+        first, last = kind == self.kinds[0], kind == self.kinds[-1]
+        return Asked(self.inlet if first else None, self.goal if last else None, self.safe)
 
 
 @dataclass(frozen=True)
 class FunnelClaim:
     """V of a template on segments of one kind, β = 1, and the margin λ (1/s) claimed; of a tube, per metre too."""
 
-    template: str
+    level: Level
     shape: Matrix
-    rate: fmpq
     beta_lower: fmpq
     beta_inner: fmpq
     margin: fmpq
@@ -151,7 +161,7 @@ class StretchHints:
     """
 
     end: fmpq
-    bounds: TubeClaim
+    bounds: Bounds
     whitening: Matrix
     enclosures: Mapping[int, UnaryHint]
     cells: Mapping[CellKey, tuple[fmpq, tuple[Gram, ...]]]
@@ -273,7 +283,7 @@ def _problem(item: Item) -> ProblemClaim:
         course=course,
         inlet=tuple(axis.positive() for axis in inlet.record("half_axes")[0].items(size, size)),
         goal=None
-        if goal.value is None and isinstance(course, TubeClaim)  # a path has an end
+        if goal.value is None and isinstance(course, Bounds)  # a path has an end
         else tuple(axis.positive() for axis in goal.record("half_axes")[0].items(size, size)),
         safe=None
         if safe.value is None
@@ -330,7 +340,7 @@ def _input(item: Item) -> tuple[str, tuple[fmpq, fmpq]]:
     return name.label(), (lower.rational(), upper.rational())
 
 
-def _path(item: Item) -> tuple[str, Course | TubeClaim]:
+def _path(item: Item) -> tuple[str, Course | Bounds]:
     if isinstance(item.value, dict) and "tube" in item.value:
         name, tube = item.record("name", "tube")
         return name.text(), read_bounds(tube)
@@ -387,20 +397,20 @@ def _powers(item: Item) -> Coefficients:
     return found
 
 
-def read_bounds(item: Item) -> TubeClaim:
+def read_bounds(item: Item) -> Bounds:
     """Intervals of curvature (1/m), speed (m/s) and acceleration (m/s²)."""
-    return TubeClaim(*_ranges(item.record(*BOUNDS)))
+    return _bounds(item.record(*BOUNDS))
 
 
-def _stretch_bounds(item: Item) -> TubeClaim:
+def _stretch_bounds(item: Item) -> Bounds:
     """The same of a stretch of path, and the rate of its curvature, 1/(m s), where that is bounded."""
     if isinstance(item.value, dict) and CURVATURE_RATE in item.value:
-        return SmoothTube(*_ranges(item.record(*BOUNDS, CURVATURE_RATE)))
+        return _bounds(item.record(*BOUNDS, CURVATURE_RATE))
     return read_bounds(item)
 
 
-def _ranges(entries: Sequence[Item]) -> list[Range]:
-    found = []
+def _bounds(entries: Sequence[Item]) -> Bounds:
+    found: list[Range] = []
     for entry in entries:
         lower, upper = (end.rational() for end in entry.items(2, 2))
         if lower > upper:
@@ -408,7 +418,7 @@ def _ranges(entries: Sequence[Item]) -> list[Range]:
         found.append((lower, upper))
     if not found[BOUNDS.index("speed")][0] > 0:
         entries[BOUNDS.index("speed")].refuse("speeds above zero")
-    return found
+    return Bounds(*found)
 
 
 def _funnel(item: Item, size: int) -> FunnelClaim:
@@ -424,9 +434,8 @@ def _funnel(item: Item, size: int) -> FunnelClaim:
     if innermost > inner:
         beta_inner.refuse("a rational above 0, at most beta_lower")
     return FunnelClaim(
-        template=template.choice(*TEMPLATES),
+        level=LEVELS[template.choice(*LEVELS)](rate.rational()),
         shape=_symmetric(shape, size),
-        rate=rate.rational(),
         beta_lower=inner,
         beta_inner=innermost,
         margin=margin.rational(),
@@ -521,7 +530,7 @@ def read_unary(item: Item) -> tuple[int, UnaryHint]:
 def _clearance(item: Item, problem: ProblemClaim) -> tuple[tuple[tuple[HalfPlanes, ...], ...], ...]:
     """By segment, obstacle and disc of the footprint."""
     obstacles, discs = len(problem.obstacles), len(problem.footprint)
-    if not obstacles or isinstance(problem.course, TubeClaim):
+    if not obstacles or isinstance(problem.course, Bounds):
         item.items(0, 0)
         return ()
     count = len(problem.course.segments)

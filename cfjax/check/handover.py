@@ -84,7 +84,7 @@ def prove_chain(
         raise ValueError("the tubes of a chain have to be certified for one vehicle")
     for run in runs:
         for piece in pieces[run.begin : run.end]:
-            if not piece.inside(run.tube):
+            if not piece.inside(run.tube.bounds):
                 raise ValueError(
                     f"segment {piece.segment} at theta = {float(piece.theta):.6g} s leaves tube {run.tube.name}"
                 )

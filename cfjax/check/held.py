@@ -31,9 +31,10 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat, fmpq_mpoly
 
-from cfjax.check.decrease import LevelPiece, level_bounds
+from cfjax.check.bounds import Range
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
+from cfjax.check.level import LevelPiece
 from cfjax.check.parametric import Combination, Parametric, Point
 from cfjax.check.program import FunnelProgram, Matrix
 from cfjax.check.rational import sqrt_upper
@@ -41,7 +42,6 @@ from cfjax.check.reader import Broken
 from cfjax.check.symbolic import DERIVATIVES, Symbolic
 
 
-Range = tuple[fmpq, fmpq]
 ApplyFunction = Callable[[int, str, Enclosure], Enclosure]
 TIMING = "input:u0"
 REFERENCE, ASKED = "reference:", "asked:"  # beside which a car moves, and at which V̇ is looked at where that is another
@@ -51,17 +51,6 @@ ORDERS = (1, 2)  # V̇, V̈
 def asked_name(name: str) -> str:
     """The parameter that stands for a reference's where V̇ is looked at."""
     return name.replace(REFERENCE, ASKED)
-
-
-def held_pieces(template: str, rate: fmpq, span: Range) -> list[LevelPiece]:
-    """Ranges of q that cover V ≤ 1 on a stretch of θ; `drop` is at most 1/σ there, `timing` is as in (d)."""
-    (first_low, first_high), (last_low, last_high) = (level_bounds(template, rate, theta) for theta in span)
-    zero, one = fmpq(0), fmpq(1)
-    least, peak = min(first_low, last_low), max(first_high, last_high)
-    if template == "paper":
-        return [LevelPiece(zero, peak, (rate, zero), (one, zero))]
-    inner = LevelPiece(zero, least, (zero, rate), (least, zero))
-    return [inner, LevelPiece(least, peak, (zero, rate), (zero, one))] if least < peak else [inner]
 
 
 def require_affine(dynamics: Symbolic, parameters: Mapping[str, Range]) -> None:
@@ -330,7 +319,8 @@ class Terms:
     """Sizes of terms of V̇ and V̈ over one range of levels: every polynomial bounded term by term.
 
     `parameters` as in `HeldMotion`; `slopes` bounds |dr/dθ| of the reference's, where that is looked at. With other
-    references to look at, the dynamics have to be those of a tube (`cfjax.check.tube`): what jumps multiplies u0 alone.
+    references to look at, the dynamics have to be those of a tube (`cfjax.check.structure`): what jumps multiplies u0
+    alone.
     """
 
     dynamics: Symbolic

@@ -6,6 +6,7 @@ from math import comb
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds
 from cfjax.check.document import (
     FORMAT,
     MOST_FUNCTIONS,
@@ -22,7 +23,6 @@ from cfjax.check.document import (
 from cfjax.check.held import ORDERS
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Broken, Item, Unreadable
-from cfjax.check.tube import TubeClaim
 
 
 CLAIM = "robustness"
@@ -54,7 +54,7 @@ class HeldStretch:
 class TubeHints:
     """For a tube of a chain: bounds of the path along its runs, in the path's units; bands, in those of the tube."""
 
-    bounds: TubeClaim
+    bounds: Bounds
     bands: tuple[HeldStretch, ...]
 
 

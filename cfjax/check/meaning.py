@@ -13,8 +13,8 @@ from cfjax.check.document import Course, ProblemClaim, VehicleClaim
 from cfjax.check.piece import Piece, are_steady, jumps_in_turning
 from cfjax.check.rational import about
 from cfjax.check.reader import Broken
+from cfjax.check.structure import TURN_RATE_SLOPE
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import TURN_RATE_SLOPE
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 

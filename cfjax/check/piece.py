@@ -1,8 +1,8 @@
 """A piece of a reference, on which turning rate ω_r(θ) and speed v_r(θ) are polynomials over the rationals.
 
-Whether it stays inside a tube's bounds is decided exactly: one such as κ = ω_r/v_r ≤ κ_hi is the polynomial inequality
-κ_hi v_r − ω_r ≥ 0 on the piece (`cfjax.check.polynomial`). Turn and length are integrals and rational, the displacement
-is enclosed in balls (`cfjax.check.displacement`).
+Whether it stays inside bounds (`cfjax.check.bounds`) is decided exactly: one such as κ = ω_r/v_r ≤ κ_hi is the
+polynomial inequality κ_hi v_r − ω_r ≥ 0 on the piece (`cfjax.check.polynomial`). Turn and length are integrals and
+rational, the displacement is enclosed in balls (`cfjax.check.displacement`).
 """
 
 import itertools
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from flint import acb, acb_series, arb, arb_poly, fmpq, fmpq_poly
 
-from cfjax.check.certified import CertifiedTube
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.displacement import along_arc, along_curve, series
 from cfjax.check.polynomial import (
     Coefficients,
@@ -26,7 +26,6 @@ from cfjax.check.polynomial import (
     product,
     shifted,
 )
-from cfjax.check.tube import Range, SmoothTube, TubeClaim
 
 
 class Spread(NamedTuple):
@@ -136,17 +135,15 @@ class Piece:
             return above, product(self.speed, self.speed)
         return (self.speed if quantity == "speed" else derivative(self.speed)), (fmpq(1),)
 
-    def inside(self, tube: CertifiedTube | TubeClaim) -> bool:
-        """Whether speed, curvature and acceleration stay inside the tube's intervals all along: decided exactly.
-
-        So does the rate of the curvature where the tube bounds it.
-        """
+    def inside(self, bounds: Bounds) -> bool:
+        """Whether speed, curvature, acceleration and, if bounded, its curvature's rate stay inside: decided exactly."""
+        rate = bounds.curvature_rate
         # speed first: it is positive where the curvature's inequality is used
         return (
-            self._inside("speed", self._speeds, tube.speed)
-            and self._inside("curvature", self._curvatures, tube.curvature)
-            and self._inside("acceleration", self._accelerations, tube.acceleration)
-            and (not isinstance(tube, SmoothTube) or self._inside("curvature_rate", None, tube.curvature_rate))
+            self._inside("speed", self._speeds, bounds.speed)
+            and self._inside("curvature", self._curvatures, bounds.curvature)
+            and self._inside("acceleration", self._accelerations, bounds.acceleration)
+            and (rate is None or self._inside("curvature_rate", None, rate))
         )
 
     def _inside(self, quantity: str, spread: Spread | None, interval: Range) -> bool:

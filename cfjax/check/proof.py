@@ -1,7 +1,7 @@
 """A funnel's claims proven: containments, decrease along θ, links from segment to segment, clearance of obstacles.
 
 Condition (d) is proven stretch by stretch. A stretch is a range of θ with bounds of curvature, speed and acceleration
-(`cfjax.check.tube`) that hold along it, and the levels that the funnel has there; θ is eliminated on it, and the
+(`cfjax.check.bounds`) that hold along it, and the levels that the funnel has there; θ is eliminated on it, and the
 extreme references of its bounds speak for every place. A tube is one stretch, a steady segment one of a single
 reference.
 
@@ -10,13 +10,16 @@ the reference jumps by so little that √V_j changes by at most δ (in speed, an
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR
+from typing import Generic, TypeVar
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.clearance import prove_clearance
+from cfjax.check.bounds import Bounds, Extreme, place_of
+from cfjax.check.clearance import Shadow, prove_clearance
 from cfjax.check.containment import broken_containments
-from cfjax.check.decrease import Extreme, SteadyDecrease, level_bounds, level_pieces
+from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import (
     CellKey,
     Certificate,
@@ -35,21 +38,25 @@ from cfjax.check.program import CellProof
 from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, is_closed
+from cfjax.check.structure import is_mirrored, require_affine_reference, require_tube_structure
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import (
-    SmoothTube,
-    TubeClaim,
-    is_mirrored,
-    place_of,
-    require_affine_reference,
-    require_tube_structure,
-)
 
 
 MOST_EFFORT = 8 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
 ENCLOSURE_EFFORT = 384  # for each bit of the numbers in an enclosure of a function, proven once more on each stretch
 Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
 CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute
+Along = TypeVar("Along", bound=SegmentClaim | Bounds, covariant=True)
+
+
+@dataclass(frozen=True)
+class LegClaim(Generic[Along]):
+    """A funnel along a segment or, wherever it lies, within bounds; `dynamics` are those of the problem's vehicle."""
+
+    problem: ProblemClaim
+    dynamics: Symbolic
+    along: Along
+    funnel: FunnelClaim
 
 
 def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
@@ -59,21 +66,12 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
         Broken, ValueError: says what is not proven.
     """
     problem, funnels = certificate.problem, certificate.funnels
-    course = problem.course
-    kinds = course.kinds if isinstance(course, Course) else (0,)
+    course, kinds = problem.course, problem.kinds
     effort = Budget(MOST_EFFORT)
     require_meaning(problem, dynamics)
     for index, (segment, funnel) in enumerate(zip(problem.distinct, funnels, strict=True)):
-        broken = broken_containments(
-            problem.vehicle.states,
-            funnel.shape,
-            funnel.template,
-            funnel.rate,
-            segment.duration,
-            problem.inlet if index == kinds[0] else None,
-            problem.goal if index == kinds[-1] else None,
-            problem.safe,
-        )
+        end = funnel.level.bounds(segment.duration)
+        broken = broken_containments(problem.vehicle.states, funnel.shape, end, problem.asked(index))
         if broken:
             raise Broken(_of(index, kinds) + "; ".join(broken))
     if isinstance(course, Course):
@@ -83,7 +81,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
         raise Broken("condition (c): a tube has no place, so that it clears no obstacle")
     for index, (segment, funnel, hints) in enumerate(zip(problem.distinct, funnels, certificate.hints, strict=True)):
         try:
-            _prove_decrease(problem, dynamics, segment, funnel, hints, effort)
+            _prove_decrease(LegClaim(problem, dynamics, segment, funnel), hints, effort)
         except Broken as error:
             raise Broken(f"{_of(index, kinds)}{error}") from None
 
@@ -101,7 +99,7 @@ def broken_link(first: FunnelClaim, duration: fmpq, second: FunnelClaim, gap: Ga
     jump = gap.jump(second.shape, fmpq_mat([list(row) for row in second.shape]).inv())
     if jump >= 1:
         return "the reference jumps by more than the next funnel is wide"
-    level = level_bounds(first.template, first.rate, duration)[1] / (1 - jump) ** 2
+    level = first.level.bounds(duration)[1] / (1 - jump) ** 2
     rows = zip(first.shape, second.shape, strict=True)
     if not is_positive_definite([[a - level * b for a, b in zip(one, two, strict=True)] for one, two in rows]):
         return "the end of the funnel does not lie inside the start of the next"
@@ -143,8 +141,8 @@ def _prove_clearance(certificate: Certificate, course: Course) -> None:
         for number, (obstacle, by_disc) in enumerate(zip(problem.obstacles, by_obstacle, strict=True)):
             for disc, planes in zip(problem.footprint, by_disc, strict=True):
                 try:
-                    numbers = funnel.shape, funnel.template, funnel.rate
-                    prove_clearance(segment.pieces, start, *numbers, obstacle, disc, planes, budget)
+                    shadow = Shadow(funnel.shape, funnel.level, disc)
+                    prove_clearance(segment.pieces, start, shadow, obstacle, planes, budget)
                 except ValueError as error:
                     raise Broken(f"condition (c), segment {index}, obstacle {number}: {error}") from None
 
@@ -152,38 +150,30 @@ def _prove_clearance(certificate: Certificate, course: Course) -> None:
 # --- decrease
 
 
-def _prove_decrease(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim | TubeClaim,
-    funnel: FunnelClaim,
-    hints: DecreaseHints,
-    effort: Budget,
-) -> None:
+def _prove_decrease(leg: LegClaim[SegmentClaim | Bounds], hints: DecreaseHints, effort: Budget) -> None:
     """Condition (d) with the claimed margins: stretch by stretch, reference by reference, cell by cell."""
-    per_metre = funnel.margin_per_metre
+    segment, funnel, per_metre = leg.along, leg.funnel, leg.funnel.margin_per_metre
     if not funnel.margin > 0 or (per_metre is not None and not per_metre > 0):
         raise Broken("condition (d): the claimed margin is not positive")
     if isinstance(segment, SegmentClaim) and per_metre is not None:
         raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
-    if isinstance(segment, TubeClaim) and (funnel.rate != 0 or per_metre is None):
+    if isinstance(segment, Bounds) and (funnel.level.rate != 0 or per_metre is None):
         raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
     if isinstance(segment, SegmentClaim) and turning_jumps(segment.pieces):
         # from piece to piece, where no stretch sees it: the deviation must not
-        require_tube_structure(dynamics)
+        require_tube_structure(leg.dynamics)
     begin = fmpq(0)
     for stretch in hints.stretches:
         _check_stretch(segment, begin, stretch)
-        extremes = extremes_of(dynamics, problem.vehicle.states, problem.inputs, funnel.shape, stretch.bounds)
-        _prove_stretch(problem, funnel, hints.degrees, (begin, stretch.end), extremes, stretch, effort)
+        _prove_stretch(leg, (begin, stretch.end), hints.degrees, stretch, effort)
         begin = stretch.end
     if begin != segment.duration:
         raise Broken("condition (d): the stretches of the proof do not end where the segment does")
 
 
-def _check_stretch(segment: SegmentClaim | TubeClaim, begin: fmpq, stretch: StretchHints) -> None:
+def _check_stretch(segment: SegmentClaim | Bounds, begin: fmpq, stretch: StretchHints) -> None:
     """Its bounds hold along it."""
-    if isinstance(segment, TubeClaim):
+    if isinstance(segment, Bounds):
         if stretch.end != 0 or stretch.bounds != segment:
             raise Broken("condition (d): a tube is one stretch with the tube's own bounds")
         return
@@ -201,7 +191,7 @@ def extremes_of(
     states: Sequence[str],
     inputs: Mapping[str, tuple[fmpq, fmpq]],
     shape: Sequence[Sequence[fmpq]],
-    bounds: TubeClaim,
+    bounds: Bounds,
 ) -> list[Extreme]:
     """The references at which (d) has to be proven for all within the bounds.
 
@@ -210,7 +200,7 @@ def extremes_of(
     """
     if bounds.is_single:
         return bounds.extremes()
-    if isinstance(bounds, SmoothTube):
+    if bounds.curvature_rate is not None:
         require_affine_reference(dynamics)
         return bounds.extremes()
     require_tube_structure(dynamics)
@@ -218,17 +208,17 @@ def extremes_of(
 
 
 def _prove_stretch(
-    problem: ProblemClaim,
-    funnel: FunnelClaim,
-    degrees: tuple[int, ...],
+    leg: LegClaim[SegmentClaim | Bounds],
     span: tuple[fmpq, fmpq],
-    extremes: list[Extreme],
+    degrees: tuple[int, ...],
     hints: StretchHints,
     effort: Budget,
 ) -> None:
+    problem, funnel = leg.problem, leg.funnel
+    extremes = extremes_of(leg.dynamics, problem.vehicle.states, problem.inputs, funnel.shape, hints.bounds)
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
-        pieces = level_pieces(funnel.template, funnel.rate, span, funnel.beta_lower, funnel.beta_inner)
+        pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)
         enclosures = prove_enclosures(hints.enclosures, problem.vehicle.graph.functions(), effort)
         questions = [
             SteadyDecrease(
@@ -261,7 +251,7 @@ def _prove_stretch(
             proven = question.proven_margin(CellProof(cell, margin, grams))
         except ValueError as error:
             raise Broken(f"{place}: {error}") from None
-        # affine in the speed between its ends, as V' is (`cfjax.check.tube`)
+        # affine in the speed between its ends, as V' is (`cfjax.check.structure`)
         claims = [(funnel.margin, fmpq(1), "1/s")]
         if per_metre is not None:
             claims.append((per_metre, question.extreme.profile["speed"], "1/m"))

@@ -13,18 +13,17 @@ from itertools import product
 
 from flint import arb, fmpq
 
+from cfjax.check.bounds import Bounds, Extreme
 from cfjax.check.containment import HEADING
-from cfjax.check.decrease import Extreme
-from cfjax.check.document import Course, FunnelClaim, ProblemClaim, SegmentClaim, Witness
+from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, Witness
 from cfjax.check.graph import Graph
-from cfjax.check.rational import exp_bounds, pi_lower, pi_upper
+from cfjax.check.rational import pi_lower, pi_upper
 from cfjax.check.reader import Broken
-from cfjax.check.tube import TubeClaim
 
 
-def references_of(segment: SegmentClaim | TubeClaim, theta: fmpq) -> list[Extreme]:
+def references_of(segment: SegmentClaim | Bounds, theta: fmpq) -> list[Extreme]:
     """What the funnel has to hold for at θ: a segment's one reference there, a tube's extreme ones."""
-    if isinstance(segment, TubeClaim):
+    if isinstance(segment, Bounds):
         return segment.extremes()
     profile = segment.profile(theta)
     return [Extreme(profile, profile)]
@@ -38,24 +37,20 @@ def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness
     """
     states, x, theta = problem.vehicle.states, witness.x, witness.theta
     segment = problem.distinct[witness.funnel]
-    kinds = problem.course.kinds if isinstance(problem.course, Course) else (0,)
     if not 0 <= theta <= segment.duration:
         raise Broken("witness: theta lies outside the segment")
     if witness.condition in "ab" and theta != (0 if witness.condition == "a" else segment.duration):
         raise Broken(f"witness: condition ({witness.condition}) is about one end of the segment, not this theta")
-    asked = {"a": witness.funnel == kinds[0], "b": witness.funnel == kinds[-1]}
+    asked = {"a": witness.funnel == problem.kinds[0], "b": witness.funnel == problem.kinds[-1]}
     if not asked.get(witness.condition, True):
         raise Broken(f"witness: condition ({witness.condition}) is not asked of this segment")
     extremes = references_of(segment, theta)
     if witness.reference >= len(extremes):
         raise Broken("witness: no such reference")
-    if isinstance(segment, TubeClaim) and funnel.rate != 0:
+    if isinstance(segment, Bounds) and funnel.level.rate != 0:
         raise Broken("witness: the V of a tube has rate 0")
     form = _form(funnel.shape, x)
-    exponent = -funnel.rate * theta
-    low, high = (1 + exponent, 1 + exponent) if funnel.template == "paper" else exp_bounds(exponent)
-    # V ≤ 1 where q ≤ ρ(θ) in both templates
-    inside = form <= low
+    inside = form <= funnel.level.bounds(theta)[0]
 
     if witness.condition == "a":
         if not _form_of_axes(problem.inlet, x) <= 1 <= form:
@@ -78,9 +73,8 @@ def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness
 
     if heading >= pi_lower():
         raise Broken("witness: its heading lies beyond where it wraps")
-    # β̲ ≤ V, where λ is asked for in full: for `paper` q ≥ β̲ − c0 θ, for `contracting` q ≥ β̲ ρ(θ)
-    floor = funnel.beta_lower + exponent if funnel.template == "paper" else funnel.beta_lower * high
-    if not (inside and form >= floor):
+    # β̲ ≤ V, where λ is asked for in full
+    if not (inside and form >= funnel.level.form_bounds(funnel.beta_lower, theta)[1]):
         raise Broken("witness: not a deviation in the shell beta_lower <= V <= 1")
     require_affine(problem.vehicle.graph, tuple(problem.inputs))
     profile = extremes[witness.reference].profile  # one of the paths that the funnel is for
@@ -138,9 +132,7 @@ def _value_rate(
     rates = problem.vehicle.graph.evaluate(values, arb, apply)
     gradient = [2 * sum((c * xj for c, xj in zip(row, witness.x, strict=True)), fmpq(0)) for row in funnel.shape]
     rate = sum((arb(g) * r for g, r in zip(gradient, rates, strict=True)), arb(0))
-    if funnel.template == "paper":
-        return rate + arb(funnel.rate * inputs["u0"])
-    return arb(funnel.rate * witness.theta).exp() * (rate + arb(funnel.rate * form * inputs["u0"]))
+    return funnel.level.value_rate(witness.theta, form, rate, inputs["u0"])
 
 
 def _form(shape: Sequence[Sequence[fmpq]], x: Sequence[fmpq]) -> fmpq:

@@ -14,12 +14,13 @@ from pathlib import Path
 
 from flint import fmpq
 
+from cfjax.check.bounds import Bounds, place_of
 from cfjax.check.certified import LAW_SHARE
 from cfjax.check.chain import CHAIN, check_chain, read_chain, vehicle_of
 from cfjax.check.chain_robustness import prove_chain_robustness
 from cfjax.check.containment import half_widths
 from cfjax.check.decrease import contraction_way
-from cfjax.check.document import TEMPLATES, Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
+from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, read_certificate
 from cfjax.check.held_hints import read_chain_hints, read_hints
 from cfjax.check.meaning import described
 from cfjax.check.proof import prove_funnels
@@ -29,7 +30,6 @@ from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
 from cfjax.check.robustness import Robustness, prove_robustness
 from cfjax.check.symbolic import Symbolic, symbolic
-from cfjax.check.tube import TubeClaim, place_of
 from cfjax.check.vehicle import check_known_vehicle
 
 
@@ -163,7 +163,7 @@ def _proven(certificate: Certificate) -> Report:
     vehicle, dynamics = _check_problem(problem)
     prove_funnels(certificate, dynamics)
     course = problem.course
-    if isinstance(course, TubeClaim):
+    if isinstance(course, Bounds):
         funnel = funnels[0]
         assert funnel.margin_per_metre is not None  # `prove_funnels` asked for it
         way = problem.inputs["u0"][1] * contraction_way(funnel.beta_lower, funnel.beta_inner) / funnel.margin_per_metre
@@ -188,7 +188,7 @@ def _proven(certificate: Certificate) -> Report:
     return Report(Outcome.PROVEN, message, margins, arrival)
 
 
-def _tube_message(problem: ProblemClaim, funnel: FunnelClaim, tube: TubeClaim, vehicle: str, way: fmpq) -> str:
+def _tube_message(problem: ProblemClaim, funnel: FunnelClaim, tube: Bounds, vehicle: str, way: fmpq) -> str:
     """`way` is the length of path after which V ≤ 1 has become V ≤ β_in."""
     widths = ", ".join(decimal_text(width, ROUND_CEILING) for width in half_widths(funnel.shape))
     per_metre = fmpq(0) if funnel.margin_per_metre is None else funnel.margin_per_metre
@@ -258,9 +258,9 @@ def _check_problem(problem: ProblemClaim) -> tuple[str, Symbolic]:
     return described(problem.vehicle, dynamics, rests), dynamics
 
 
-def _path(problem: ProblemClaim, course: Course | TubeClaim) -> str:
+def _path(problem: ProblemClaim, course: Course | Bounds) -> str:
     """What a segment's funnel is about, or what a refuted tube's is: rounded so that a refutation says less."""
-    if isinstance(course, TubeClaim):
+    if isinstance(course, Bounds):
         bounds = (course.speed, course.curvature, course.acceleration)
         speed, curvature, acceleration = (_interval(ends, ROUND_FLOOR, ROUND_CEILING) for ends in bounds)
         return (
@@ -316,9 +316,9 @@ def _inputs(problem: ProblemClaim, lower: str, upper: str) -> str:
 def _funnels(certificate: Certificate, inner_edge: str) -> str:
     funnels = certificate.funnels
     shell = f"shell from {decimal_text(max(funnel.beta_lower for funnel in funnels), inner_edge)}"
-    if isinstance(certificate.problem.course, TubeClaim):
+    if isinstance(certificate.problem.course, Bounds):
         return shell
-    name = TEMPLATES[funnels[0].template]
-    rates = ", ".join(about(funnel.rate) for funnel in funnels[:SHOWN])
+    level = funnels[0].level
+    rates = ", ".join(about(funnel.level.rate) for funnel in funnels[:SHOWN])
     more = ", ..." if len(funnels) > SHOWN else ""
-    return f"template {funnels[0].template}, {name} {rates}{more} 1/s, {shell}"
+    return f"template {level.name}, {level.rate_name} {rates}{more} 1/s, {shell}"

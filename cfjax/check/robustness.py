@@ -37,8 +37,8 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
 
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import LAW_SHARE
-from cfjax.check.decrease import level_bounds
 from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
 from cfjax.check.held import (
@@ -51,26 +51,24 @@ from cfjax.check.held import (
     Terms,
     asked_name,
     derivatives_of,
-    held_pieces,
     require_affine,
 )
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfjax.check.program import CellProof, Gram
-from cfjax.check.proof import MOST_EFFORT, links, prove_enclosures
+from cfjax.check.proof import MOST_EFFORT, LegClaim, links, prove_enclosures
 from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
 from cfjax.check.reader import Broken
-from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import (
+from cfjax.check.structure import (
     SPEED,
     SPEED_SLOPE,
     TURN_RATE,
     TURN_RATE_SLOPE,
-    TubeClaim,
     is_mirrored,
     require_tube_structure,
 )
+from cfjax.check.symbolic import Symbolic
 
 
 SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
@@ -168,7 +166,7 @@ class Robustness:
     rates: tuple[Rates, ...]  # of each distinct segment, or of each band of a tube's speeds
     bands: tuple[tuple[fmpq, fmpq], ...] = ()  # of a tube: speeds, m/s
     by_speed: tuple[Absorbed, ...] = ()  # what is absorbed by itself at the speeds of each band
-    along: tuple[TubeClaim, ...] = ()  # of a path in tubes: for each run, bounds for all of which the law has to ask
+    along: tuple[Bounds, ...] = ()  # of a path in tubes: for each run, bounds for all of which the law has to ask
 
 
 def prove_robustness(
@@ -184,42 +182,35 @@ def prove_robustness(
     # the λ and the shell that the report names, as it prints them, for every funnel
     margin = rational(decimal_text(min(funnel.margin for funnel in certificate.funnels), ROUND_FLOOR))
     shell = rational(decimal_text(max(funnel.beta_lower for funnel in certificate.funnels), ROUND_CEILING))
-    if isinstance(course, TubeClaim):
+    if isinstance(course, Bounds):
         (funnel,), (own,) = certificate.funnels, hints
         assert funnel.margin_per_metre is not None  # a tube's certificate has it
         per_metre = rational(decimal_text(funnel.margin_per_metre, ROUND_FLOOR))
         told = replace(funnel, margin=margin, margin_per_metre=per_metre)
-        return _of_tube(problem, dynamics, course, told, shell, own, effort)
+        return _of_tube(LegClaim(problem, dynamics, course, told), shell, own, effort)
     kinds = zip(problem.distinct, certificate.funnels, _entries(certificate, course), hints, strict=True)
     rates = tuple(
-        prove_rates(problem, dynamics, segment, replace(funnel, margin=margin), max(entry, shell), own, effort)
+        prove_rates(
+            LegClaim(problem, dynamics, segment, replace(funnel, margin=margin)), max(entry, shell), own, effort
+        )
         for segment, funnel, entry, own in kinds
         if isinstance(segment, SegmentClaim)
     )
     return absorbed(rates)
 
 
-def _of_tube(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    tube: TubeClaim,
-    funnel: FunnelClaim,
-    shell: fmpq,
-    hints: Sequence[HeldStretch],
-    effort: Budget,
-) -> Robustness:
+def _of_tube(leg: LegClaim[Bounds], shell: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> Robustness:
     """Of the tube's bands of speed, each with hints of its own."""
-    bands = bands_of(tube, hints)
+    bands = bands_of(leg.along, hints)
     if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
         raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
     rates = tuple(
-        tube_rates(problem, dynamics, tube, funnel, band, shell, stretch.pieces, effort)
-        for band, stretch in zip(bands, hints, strict=True)
+        tube_rates(leg, band, shell, stretch.pieces, effort) for band, stretch in zip(bands, hints, strict=True)
     )
     return replace(absorbed(rates), bands=bands, by_speed=_by_speed(rates))
 
 
-def bands_of(tube: TubeClaim, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fmpq], ...]:
+def bands_of(tube: Bounds, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fmpq], ...]:
     """The bands of speed (m/s) that the hints are for.
 
     Raises:
@@ -333,7 +324,7 @@ def _entries(certificate: Certificate, course: Course) -> list[fmpq]:
         first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
         duration = course.segments[before].duration
         jump = gap.jump(second.shape, fmpq_mat([list(row) for row in second.shape]).inv())
-        level = level_bounds(first.template, first.rate, duration)[1]
+        level = first.level.bounds(duration)[1]
         low, high = jump, fmpq(1)  # √γ
         for _ in range(GAMMA_STEPS):
             middle = (low + high) / 2
@@ -346,26 +337,19 @@ def _entries(certificate: Certificate, course: Course) -> list[fmpq]:
     return found
 
 
-def prove_rates(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim,
-    funnel: FunnelClaim,
-    inner: fmpq,
-    hints: Sequence[HeldStretch],
-    effort: Budget,
-) -> Rates:
+def prove_rates(leg: LegClaim[SegmentClaim], inner: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> Rates:
     """Bounds over one funnel, from hints for every stretch of it; `inner` is the larger of β̲ and γ.
 
     Raises:
         Broken, ValueError: says what is not proven.
     """
+    segment, funnel = leg.along, leg.funnel
     found: list[_Sizes] = []
     begin = fmpq(0)
     for stretch in hints:
         if not begin < stretch.end <= segment.duration:
             raise Broken("robustness: the stretches do not follow each other along the segment")
-        found += _prove_stretch(problem, dynamics, segment, funnel, (begin, stretch.end), stretch.pieces, effort)
+        found += _prove_levels(leg.problem, motions(leg, (begin, stretch.end)), stretch.pieces, effort)
         begin = stretch.end
     if begin != segment.duration:
         raise Broken("robustness: the stretches do not end where the segment does")
@@ -373,35 +357,26 @@ def prove_rates(
     return _rates_of(funnel, found, SHARE * funnel.margin - sum(jumps, fmpq(0)), inner)
 
 
-def tube_rates(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    tube: TubeClaim,
-    funnel: FunnelClaim,
-    band: tuple[fmpq, fmpq],
-    inner: fmpq,
-    hints: Sequence[PieceHints],
-    effort: Budget,
-) -> Rates:
+def tube_rates(leg: LegClaim[Bounds], band: Range, inner: fmpq, hints: Sequence[PieceHints], effort: Budget) -> Rates:
     """Bounds over a tube for what is measured at a speed of the band (m/s), from hints.
 
     Raises:
         Broken, ValueError: says what is not proven.
     """
-    require_tube_structure(dynamics)
-    found = _prove_levels(problem, tube_motions(problem, dynamics, tube, funnel, band), hints, effort)
+    require_tube_structure(leg.dynamics)
+    funnel = leg.funnel
+    found = _prove_levels(leg.problem, tube_motions(leg, band), hints, effort)
     assert funnel.margin_per_metre is not None
     decrease = SHARE * max(funnel.margin, funnel.margin_per_metre * band[0])
-    return replace(_rates_of(funnel, found, decrease, inner), horizon=MOST if _is_even(tube) else HORIZON)
+    return replace(_rates_of(funnel, found, decrease, inner), horizon=MOST if _is_even(leg.along) else HORIZON)
 
 
 def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, inner: fmpq) -> Rates:
     """The largest of the bounds on all ranges of levels."""
     states = range(len(found[0].slopes))
-    paper = funnel.template == "paper"
-    widest = sqrt_upper(max(sizes.level for sizes in found)) if paper else fmpq(1)
-    least = fmpq(1) if paper else min(sizes.least_level for sizes in found)
-    norms = tuple(sqrt_upper(funnel.shape[i][i] / least) for i in states)
+    levels = min(sizes.least_level for sizes in found), max(sizes.level for sizes in found)
+    widest, scale = funnel.level.deviation_scale(*levels)
+    norms = tuple(sqrt_upper(scale * funnel.shape[i][i]) for i in states)
     slopes = tuple(max(sizes.slopes[i] for sizes in found) for i in states)
     speeds = tuple(max(sizes.speeds[i] for sizes in found) for i in states)
     return Rates(
@@ -434,21 +409,23 @@ class _Sizes(NamedTuple):
         return self.terms.gain(name) / self.least_level
 
 
-def motions(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    parts: Sequence[Piece],
-    funnel: FunnelClaim,
-    span: tuple[fmpq, fmpq],
-) -> list[tuple[HeldMotion, Terms]]:
-    """What has to be bounded on a stretch of θ, whose parts are given: for each range of levels, without hints yet."""
-    return _motions(problem, dynamics, *reference_box(parts), {}, "", funnel, span)
+class References(NamedTuple):
+    """Those beside which a car moves while inputs are held; by the graph's names."""
+
+    box: Mapping[str, Range]  # of what the dynamics see
+    slopes: Mapping[str, fmpq]  # bounds of |dr/dθ|
+    asked: Mapping[str, Range] = {}  # what V̇ is looked at, where that is another
+    mirrored: str = ""  # one end of this one speaks for both
 
 
-def tube_motions(
-    problem: ProblemClaim, dynamics: Symbolic, tube: TubeClaim, funnel: FunnelClaim, band: tuple[fmpq, fmpq]
-) -> list[tuple[HeldMotion, Terms]]:
+def motions(leg: LegClaim[SegmentClaim], span: Range) -> list[tuple[HeldMotion, Terms]]:
+    """What has to be bounded on a stretch of θ: for each range of levels, without hints yet."""
+    return _motions(leg, reference_box(between(leg.along.pieces, *span)), span)
+
+
+def tube_motions(leg: LegClaim[Bounds], band: Range) -> list[tuple[HeldMotion, Terms]]:
     """The same in a tube, for what is measured at a speed of the band (m/s)."""
+    problem, dynamics, tube = leg.problem, leg.dynamics, leg.along
     steepest = max(map(abs, tube.acceleration))
     change = steepest * problem.inputs["u0"][1] * HORIZON
     speed = max(tube.speed[0], band[0] - change), min(tube.speed[1], band[1] + change)
@@ -459,26 +436,20 @@ def tube_motions(
     jumping = (TURN_RATE, tube.curvature), (SPEED_SLOPE, tube.acceleration)
     asked = {asked_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
     # V'' at a vertex is that of the mirrored car at the mirrored one
-    mirrored = TURN_RATE if is_mirrored(dynamics, problem.vehicle.states, problem.inputs, funnel.shape, tube) else ""
-    return _motions(problem, dynamics, box, slopes, asked, mirrored, funnel, (fmpq(0), fmpq(0)))
+    symmetric = is_mirrored(dynamics, problem.vehicle.states, problem.inputs, leg.funnel.shape, tube)
+    return _motions(leg, References(box, slopes, asked, TURN_RATE if symmetric else ""), (fmpq(0), fmpq(0)))
 
 
-def _is_even(tube: TubeClaim) -> bool:
+def _is_even(tube: Bounds) -> bool:
     """Whether no speed of it ever changes."""
     return tube.acceleration == (0, 0)
 
 
 def _motions(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    box: Mapping[str, tuple[fmpq, fmpq]],
-    slopes: Mapping[str, fmpq],
-    asked: Mapping[str, tuple[fmpq, fmpq]],
-    mirrored: str,
-    funnel: FunnelClaim,
-    span: tuple[fmpq, fmpq],
+    leg: LegClaim[SegmentClaim | Bounds], references: References, span: Range
 ) -> list[tuple[HeldMotion, Terms]]:
-    """Of references in a box, with bounds of their slopes; `asked`: what V̇ is looked at, where that is another."""
+    problem, dynamics, funnel = leg.problem, leg.dynamics, leg.funnel
+    box, slopes, asked, mirrored = references
     states = problem.vehicle.states
     parameters = {f"input:{name}": limits for name, limits in problem.inputs.items()}
     for name, (lower, upper) in box.items():  # what the dynamics do not depend on may have any value
@@ -487,7 +458,7 @@ def _motions(
     require_affine(dynamics, parameters)
     parameters |= {name: ends for name, ends in asked.items() if dynamics.depends_on(name.replace(ASKED, REFERENCE))}
     found = []
-    for piece in held_pieces(funnel.template, funnel.rate, span):
+    for piece in funnel.level.inside(span):
         terms = Terms(dynamics, states, parameters, slopes, funnel.shape, piece)
         motion = HeldMotion(
             graph=problem.vehicle.graph,
@@ -504,19 +475,6 @@ def _motions(
         )
         found.append((motion, terms))
     return found
-
-
-def _prove_stretch(
-    problem: ProblemClaim,
-    dynamics: Symbolic,
-    segment: SegmentClaim,
-    funnel: FunnelClaim,
-    span: tuple[fmpq, fmpq],
-    hints: Sequence[PieceHints],
-    effort: Budget,
-) -> list[_Sizes]:
-    asked = motions(problem, dynamics, between(segment.pieces, *span), funnel, span)
-    return _prove_levels(problem, asked, hints, effort)
 
 
 def _prove_levels(
@@ -572,9 +530,9 @@ def _prove_sizes(
     )
 
 
-def reference_box(parts: Sequence[Piece]) -> tuple[dict[str, tuple[fmpq, fmpq]], dict[str, fmpq]]:
-    """Ranges of what the dynamics see of the pieces, by the graph's names, and bounds of their slopes: by Bernstein."""
-    box: dict[str, tuple[fmpq, fmpq]] = {}
+def reference_box(parts: Sequence[Piece]) -> References:
+    """What the dynamics see of the pieces: by Bernstein."""
+    box: dict[str, Range] = {}
     slopes: dict[str, fmpq] = {}
     for part in parts:
         for name, values in _profile(part).items():
@@ -582,7 +540,7 @@ def reference_box(parts: Sequence[Piece]) -> tuple[dict[str, tuple[fmpq, fmpq]],
             lower, upper = box.get(name, (control[0], control[0]))
             box[name] = min(lower, *control), max(upper, *control)
             slopes[name] = max(slopes.get(name, fmpq(0)), *map(abs, change))
-    return box, slopes
+    return References(box, slopes)
 
 
 def _profile(part: Piece) -> dict[str, Coefficients]:
@@ -595,8 +553,9 @@ def _jump(before: Piece, after: Piece, found: Sequence[_Sizes]) -> fmpq:
     """By how much V̇ jumps where one piece follows another one.
 
     Where the turning rate jumps, what V̇ gains with it and with acceleration depends on states and inputs alone
-    (`cfjax.check.tube`): it is bounded whatever else of the reference is to either side of the joint. Else acceleration
-    and the turning rate's slope jump: one after the other, each at what the other one is on one of the two sides.
+    (`cfjax.check.structure`): it is bounded whatever else of the reference is to either side of the joint. Else
+    acceleration and the turning rate's slope jump: one after the other, each at what the other one is on one of the two
+    sides.
     """
     ends = {name: evaluate(values, before.duration) for name, values in _profile(before).items()}
     starts = {name: values[0] for name, values in _profile(after).items()}

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from flint import fmpq
 
+from cfjax.check.bounds import Range
 from cfjax.check.certified import CertifiedTube
-from cfjax.check.tube import Range
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
@@ -27,24 +27,21 @@ def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
         return tube
     if tube.vehicle not in KNOWN_VEHICLES:
         raise ValueError(f"similarity: expected scales of 1 for a vehicle that is none of {', '.join(KNOWN_VEHICLES)}")
-    acceleration = speed**2 / length
     known = KNOWN_VEHICLES[tube.vehicle]
     axes, units = known.axes(length, speed), known.units(length, speed)
 
-    def times(factor: fmpq, bounds: Range) -> Range:
-        return bounds[0] * factor, bounds[1] * factor
+    def times(factor: fmpq, limits: Range) -> Range:
+        return limits[0] * factor, limits[1] * factor
 
     origin = tube.origin
     return replace(
         tube,
         parameters=known.scaled(tube.parameters, length, speed),
-        curvature=times(1 / length, tube.curvature),
-        speed=times(speed, tube.speed),
-        acceleration=times(acceleration, tube.acceleration),
+        bounds=tube.bounds.scaled(length, speed),
         shape=[[c / (axes[i] * axes[j]) for j, c in enumerate(row)] for i, row in enumerate(tube.shape)],
         margin=tube.margin * speed / length,
         margin_per_metre=tube.margin_per_metre / length,
-        inputs={name: times(units[name], bounds) for name, bounds in tube.inputs.items()},
+        inputs={name: times(units[name], limits) for name, limits in tube.inputs.items()},
         origin=None if origin is None else origin._replace(length=origin.length * length, speed=origin.speed * speed),
     )
 

@@ -1,7 +1,7 @@
 """Dynamics as polynomials in states, inputs, reference and the functions applied: what structure shows by itself.
 
 Evaluated so, a vehicle's graph can be compared with another statement of it (`cfjax.check.vehicle`) and searched for
-properties that hold whatever the numbers are (`cfjax.check.tube`).
+properties that hold whatever the numbers are (`cfjax.check.structure`).
 """
 
 from collections.abc import Mapping

@@ -38,7 +38,7 @@ class Unit(enum.Enum):
 class Stretch(NamedTuple):
     """Part of a segment, θ from begin to end (s), as the set of references within bounds that hold there.
 
-    With bounds of the curvature's rate (dκ/dθ, 1/(m s)) one input has to do for all of them (`cfjax.check.tube`).
+    With bounds of the curvature's rate (dκ/dθ, 1/(m s)) one input has to do for all of them (`cfjax.check.structure`).
     """
 
     begin: float

@@ -1,6 +1,6 @@
 """Mirror symmetry of a vehicle: turning left is like turning right.
 
-Looked for in samples, for a learner to make use of; a proof looks for itself (`cfjax.check.tube`).
+Looked for in samples, for a learner to make use of; a proof looks for itself (`cfjax.check.structure`).
 """
 
 import itertools

@@ -208,9 +208,9 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
     statements = [stated(segment) for segment in path.curve]
     reference = _cut(exact_reference(statements))
     pieces = reference.pieces
-    bounds = {(tube.curvature, tube.speed, tube.acceleration): tube for tube in tubes}  # widths share them
-    inside = {key: [piece.inside(tube) for piece in pieces] for key, tube in bounds.items()}
-    holds = np.array([inside[tube.curvature, tube.speed, tube.acceleration] for tube in tubes])
+    # tubes of several widths share their bounds
+    inside = {bounds: [piece.inside(bounds) for piece in pieces] for bounds in {tube.bounds for tube in tubes}}
+    holds = np.array([inside[tube.bounds] for tube in tubes])
     outside = np.flatnonzero(~holds.any(axis=0))
     if outside.size:
         raise Outside(furthest_out([pieces[index] for index in outside], tubes))

@@ -9,13 +9,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from flint import fmpq
 
 from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
 from cfjax.check import Outcome, check_document
 from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
-from cfjax.check.containment import broken_containments
+from cfjax.check.containment import STILL, Asked, broken_containments
 from cfjax.check.document import MOST_PIECES
 from cfjax.check.rational import float_below
 from cfjax.check.reference import Reference
@@ -132,8 +131,7 @@ def _serves(problem: Problem, tube: CertifiedTube) -> bool:
     """Whether I lies in the tube and the tube in S, within the problem's inputs and by its method."""
     inlet = exact_numbers(problem.inlet.half_axes)
     safe = exact_numbers(problem.safe.half_widths) if problem.safe else None
-    zero = fmpq(0)
-    if broken_containments(STATES, tube.shape, "paper", zero, zero, inlet, None, safe):
+    if broken_containments(STATES, tube.shape, STILL, Asked(inlet, None, safe)):
         return False
     names = ("u0", *problem.vehicle.input_names)
     box = {name: exact_numbers((ends.lower, ends.upper)) for name, ends in zip(names, problem.inputs, strict=True)}
@@ -158,7 +156,7 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
                 margin_falsified=falsified.get(tube.name, math.nan),
                 margin_certified=float_below(tube.margin),
                 margin_per_metre=float_below(tube.margin_per_metre),
-                reference=tube_within(tube),
+                reference=tube_within(tube.bounds),
                 along=tube_within(along[tube]),
                 span=(0.0 if run.begin == 0 else float(ends[run.begin - 1]), float(ends[run.end - 1])),
             )

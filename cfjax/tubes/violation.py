@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from flint import acb, fmpq, fmpq_poly
 
+from cfjax.check.bounds import Bounds
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.piece import Piece
 from cfjax.check.polynomial import evaluate, integral
@@ -44,13 +45,13 @@ class Violation(NamedTuple):
         )
 
 
-def violations(piece: Piece, tube: CertifiedTube) -> list[Violation]:
-    """Where each quantity that leaves the tube's interval does so by most: places rounded, values exact."""
+def violations(piece: Piece, bounds: Bounds) -> list[Violation]:
+    """Where each quantity that leaves its interval does so by most: places rounded, values exact."""
     found = []
     for quantity in UNITS:
         places = [at for at in _extremes(piece, quantity) if quantity != "curvature" or evaluate(piece.speed, at) > 0]
         values = [(_value(piece, quantity, at), at) for at in places]
-        lower, upper = getattr(tube, quantity)
+        lower, upper = bounds.intervals[quantity]
         lowest = min(values, default=None)  # the first place of each
         highest = max(values, default=None, key=lambda found: (found[0], -found[1]))
         for extreme, bound, is_upper in ((lowest, lower, False), (highest, upper, True)):
@@ -82,7 +83,7 @@ def furthest_out(pieces: Sequence[Piece], tubes: Sequence[CertifiedTube]) -> str
     """Where pieces that no tube holds are furthest from the tube that is nearest to them, and what tubes hold there."""
     found: list[_Out] = []
     for piece in pieces:
-        out = ((tube, [v for v in violations(piece, tube) if v.excess]) for tube in tubes)
+        out = ((tube, [v for v in violations(piece, tube.bounds) if v.excess]) for tube in tubes)
         nearest = [
             _Out(
                 max(map(_relative, beyond)),
@@ -122,9 +123,9 @@ def _distance(out: _Out) -> tuple[fmpq, fmpq]:
 
 def _held(piece: Piece, quantity: str, tubes: Sequence[CertifiedTube]) -> str:
     """What the quantity may be where nothing else of the piece has to change, in words; empty where that is nothing."""
-    alone = [tube for tube in tubes if {v.quantity for v in violations(piece, tube)} == {quantity}]
+    alone = [tube for tube in tubes if {v.quantity for v in violations(piece, tube.bounds)} == {quantity}]
     joined: list[list[fmpq]] = []
-    for lower, upper in sorted(getattr(tube, quantity) for tube in alone):
+    for lower, upper in sorted(tube.bounds.intervals[quantity] for tube in alone):
         if joined and lower <= joined[-1][1]:
             joined[-1][1] = max(joined[-1][1], upper)
         else:

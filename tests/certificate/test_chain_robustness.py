@@ -17,6 +17,7 @@ from flint import fmpq
 import cfjax
 from cfjax.certificate.robustness import robustness_document
 from cfjax.check import Outcome, Report, check_document
+from cfjax.check.bounds import Bounds
 from cfjax.check.chain import ChainClaim, SetsClaim, read_chain
 from cfjax.check.chain_robustness import HeldTube, Told, _handed_over, prove_chain_robustness
 from cfjax.check.held_hints import read_chain_hints
@@ -24,7 +25,6 @@ from cfjax.check.rational import sqrt_lower, sqrt_upper
 from cfjax.check.reference import Gap
 from cfjax.check.replay import check_robustness
 from cfjax.check.robustness import SHARE, Absorbed, Rates
-from cfjax.check.tube import TubeClaim
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.plants import Model, sensor_named
 from cfjax.problem import (
@@ -83,7 +83,8 @@ def narrowing(gentle: float) -> Following:
     bend = Segment(Profile(breaks, ((0.2,), (1.8,))), Profile(breaks, ((1.0,), (1.0,))), Pose(0.0, 0.0, 0.0))
     by_name = {each.name: each for each in library()}
     wide, narrow = by_name["wide-gentle-slow"], by_name["normal-tight-slow"]
-    only_bends = replace(narrow, curvature=(fmpq(3, 2), narrow.curvature[1]))
+    bends = replace(narrow.bounds, curvature=(fmpq(3, 2), narrow.bounds.curvature[1]))
+    only_bends = replace(narrow, bounds=bends)
     following = cfjax.follow(Path("narrowing", (bend,)), [wide, only_bends])
     assert len(following.runs) == 2
     return following
@@ -115,7 +116,7 @@ def by_hand(**changes: Any) -> HeldTube:
     still = fmpq(0), fmpq(0)
     values = {
         "tube": own,
-        "bounds": TubeClaim(still, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(1))),
+        "bounds": Bounds(still, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(1))),
         "told": Told(fmpq(1), fmpq(1), shell=fmpq(9, 10), inner=fmpq(1, 10)),
         "fastest": fmpq(1),
         "bands": ((fmpq(1), fmpq(3, 2)), (fmpq(3, 2), fmpq(2))),

@@ -8,7 +8,7 @@ import pytest
 
 from cfjax.certificate import certify
 from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
-from cfjax.certificate.stretches import Prover, StretchProof, round_funnel
+from cfjax.certificate.stretches import Means, Prover, StretchProof, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
 from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
@@ -190,7 +190,7 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
     rounded, graph = round_funnel(funnel, varying), trace_deviation(problem.vehicle)
     (claim,) = read_problem(write_problem(problem, graph)).distinct
     clock = {"plan": 0.0, "exact": 0.0}
-    prover = Prover(problem, rounded, graph, 0, MOST_GRAM_ENTRIES, solver_named("batched"), clock, None)
+    prover = Prover(problem, rounded, graph, 0, MOST_GRAM_ENTRIES, Means(solver_named("batched"), clock))
     with pytest.raises(AssertionError, match="asked too much"):
-        prover.along(claim.pieces, 1.0)
+        prover.along(claim, 1.0)
     assert asked == [9] and 9 * prover.entries <= MOST_GRAM_ENTRIES < 10 * prover.entries

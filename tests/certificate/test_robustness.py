@@ -23,10 +23,11 @@ from cfjax.certificate.stretches import round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
 from cfjax.check import Outcome, check_document
-from cfjax.check.document import FunnelClaim, Room, SegmentClaim, document_hash, read_problem
+from cfjax.check.document import Room, SegmentClaim, document_hash, read_problem
 from cfjax.check.enclosure import Budget, Enclosure
 from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
 from cfjax.check.held_hints import read_stretch
+from cfjax.check.proof import LegClaim
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness
 from cfjax.check.robustness import Absorbed, Rates, Robustness, kept_level, motions, prove_rates
@@ -100,13 +101,12 @@ def rates_of(problem: Problem, funnel: Funnel, cuts: int = 1) -> Rates:
     segment = claim.distinct[0]
     assert isinstance(segment, SegmentClaim)
     rounded = round_funnel(funnel, problem.path.segments[0])
-    one = FunnelClaim(
-        funnel.template.name, rounded.shape, rounded.rate, rounded.beta_lower, rounded.beta_inner, fmpq(1), None
-    )
+    one = rounded.claim(fmpq(1))
     ends = [segment.duration * fmpq(k + 1, cuts) for k in range(cuts)]
-    hints = hints_for(claim, dynamics, segment, one, ends, solver_named("batched"))
+    leg = LegClaim(claim, dynamics, segment, one)
+    hints = hints_for(leg, ends, solver_named("batched"))
     read = [read_stretch(Item(entry, "stretch"), len(claim.vehicle.states), Room(10**6)) for entry in hints]
-    return prove_rates(claim, dynamics, segment, one, fmpq(0), read, Budget(10**9))
+    return prove_rates(leg, fmpq(0), read, Budget(10**9))
 
 
 def motion_of(problem: Problem, funnel: Funnel) -> tuple[Callable, Callable]:
@@ -192,9 +192,9 @@ def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]
     assert isinstance(segment, SegmentClaim)
     one = round_funnel(funnel, problem.path.segments[0])
     slopes = derivatives_of(graph, claim.vehicle.states)
-    told = FunnelClaim(funnel.template.name, one.shape, one.rate, one.beta_lower, one.beta_inner, fmpq(1), None)
+    told = one.claim(fmpq(1))
     found = []
-    for motion, terms in motions(claim, dynamics, segment.pieces, told, (fmpq(0), segment.duration)):
+    for motion, terms in motions(LegClaim(claim, dynamics, segment, told), (fmpq(0), segment.duration)):
         hints: tuple[dict, dict] = {}, {}
 
         def fit(node: int, function: str, argument: Enclosure, hints: tuple[dict, dict] = hints) -> Enclosure:

@@ -14,9 +14,9 @@ from flint import fmpq
 from cfjax.certificate import certify
 from cfjax.certificate.robustness import robustness_document, speed_bands
 from cfjax.check import Outcome, check_document
+from cfjax.check.bounds import Bounds
 from cfjax.check.replay import check_robustness
 from cfjax.check.robustness import HORIZON, Absorbed, Rates, Robustness, _by_speed, absorbed, kept_level
-from cfjax.check.tube import TubeClaim
 from cfjax.control import MinNorm, any_path_numbers, path_point
 from cfjax.control.law import LAW_SHARE
 from cfjax.errors import InputError
@@ -263,7 +263,7 @@ def test_files_that_show_less_or_nothing(case: Callable[[str], Case]) -> None:
 def test_speeds_are_cut_into_few_bands() -> None:
     def bands(lower: int, upper: int) -> list[float]:
         still = (fmpq(0), fmpq(0))
-        return [float(end) for end in speed_bands(TubeClaim(still, (fmpq(lower), fmpq(upper)), still))]
+        return [float(end) for end in speed_bands(Bounds(still, (fmpq(lower), fmpq(upper)), still))]
 
     assert bands(1, 1) == [1, 1]
     assert bands(1, 2) == [1, 2]

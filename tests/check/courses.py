@@ -12,12 +12,12 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.certificate.certifier import _prove_sets
-from cfjax.certificate.stretches import Prover, RoundedFunnel, Stretch, round_funnel
+from cfjax.certificate.stretches import Means, Prover, RoundedFunnel, Stretch, round_funnel
 from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import seal, write_decrease, write_problem
+from cfjax.certificate.writing import seal, write_decrease, write_funnel, write_problem
+from cfjax.check.bounds import Bounds
 from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
 from cfjax.check.rational import rational
-from cfjax.check.tube import TubeClaim
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Path, Pose, Problem, Profile, Segment, ball
 from cfjax.problem.obstacles import Disc, FootprintDisc, Polygon
@@ -82,11 +82,11 @@ def lap_document() -> dict[str, Any]:
         return value, value
 
     stretches = (
-        [Stretch(zero, rational(duration), TubeClaim(steady(zero), steady(rational(FAST)), steady(zero)))],
+        [Stretch(zero, rational(duration), Bounds(steady(zero), steady(rational(FAST)), steady(zero)))],
         [
-            Stretch(zero, ENDS[0], TubeClaim((fmpq(4, 10), middle), steady(slow), steady(zero))),
-            Stretch(ENDS[0], ENDS[1], TubeClaim((middle, highest), steady(slow), steady(zero))),
-            Stretch(ENDS[1], half, TubeClaim(steady(highest), (slow, last), steady(fmpq(1, 100)))),
+            Stretch(zero, ENDS[0], Bounds((fmpq(4, 10), middle), steady(slow), steady(zero))),
+            Stretch(ENDS[0], ENDS[1], Bounds((middle, highest), steady(slow), steady(zero))),
+            Stretch(ENDS[1], half, Bounds(steady(highest), (slow, last), steady(fmpq(1, 100)))),
         ],
     )
     template = template_named("contracting")
@@ -104,7 +104,7 @@ def kink_document() -> dict[str, Any]:
     problem = Problem(Path("kink", (segment,)), inlet=ball(0.14), goal=ball(0.26), method=Method.TT)
     funnel = round_funnel(Funnel(template_named("contracting"), SHAPE, 0.0, segment.duration), segment)
     zero, speed = fmpq(0), fmpq(3, 2)
-    bounds = (TubeClaim((kappa, kappa), (speed, speed), (zero, zero)) for kappa in (zero, fmpq(1)))
+    bounds = (Bounds((kappa, kappa), (speed, speed), (zero, zero)) for kappa in (zero, fmpq(1)))
     ends = (zero, fmpq(1, 4), fmpq(1, 2))
     stretches = [Stretch(begin, end, own) for begin, end, own in zip(ends, ends[1:], bounds, strict=False)]
     return assembled(problem, [funnel], [stretches])
@@ -120,10 +120,11 @@ def assembled(
     found = []
     solver = solver_named(DEFAULT, 2)
     for kind, (funnel, own) in enumerate(zip(funnels, stretches, strict=True)):
-        prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, solver, {"sos": 0.0, "exact": 0.0}, None)
+        prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, Means(solver, {"sos": 0.0, "exact": 0.0}))
         found.append([prover.prove(stretch, 0.0) for stretch in own])
     written = [
-        funnel.write(min(proof.margin for proof in own), None) for funnel, own in zip(funnels, found, strict=True)
+        write_funnel(funnel.claim(min(proof.margin for proof in own)))
+        for funnel, own in zip(funnels, found, strict=True)
     ]
     decrease = [write_decrease(own[0].degrees, [proof.hints for proof in own]) for own in found]
     return seal("funnel", question, written, {"decrease": decrease, "clearance": clearance})

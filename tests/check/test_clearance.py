@@ -1,11 +1,11 @@
 """Clearance from obstacles: against sampling of what the body sweeps, at the edge of what is true, and attacked."""
 
-import dataclasses
 import functools
 import itertools
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from flint import acb, arb, fmpq
 from cfjax.certificate.clearance import NotClear, find_half_planes
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim, Shadow, prove_clearance
 from cfjax.check.enclosure import Budget
+from cfjax.check.level import LEVELS, Contracting, Level, Paper
 from cfjax.check.piece import Piece, between
 from cfjax.check.rational import rational
 from cfjax.check.reference import ExactPose
@@ -35,23 +36,27 @@ def exactly(numbers: Sequence[float]) -> tuple[fmpq, ...]:
 
 
 class Claim(NamedTuple):
-    """The arguments of `prove_clearance`."""
+    """What `prove_clearance` is about."""
 
     pieces: tuple[Piece, ...]
     start: ExactPose
     shape: list[list[fmpq]]
-    template: str
-    rate: fmpq
+    level: Level
     obstacle: ObstacleClaim
     disc: FootprintClaim
     planes: Sequence[HalfPlane] = ()
 
     def grown(self, by: float) -> "Claim":
-        obstacle = dataclasses.replace(self.obstacle, round=self.obstacle.round + rational(by))
+        obstacle = replace(self.obstacle, round=self.obstacle.round + rational(by))
         return self._replace(obstacle=obstacle)
 
     def solved(self) -> "Claim":
-        return self._replace(planes=find_half_planes(*self[:-1]))
+        shadow = Shadow(self.shape, self.level, self.disc)
+        return self._replace(planes=find_half_planes(self.pieces, self.start, shadow, self.obstacle))
+
+    def prove(self, budget: Budget | None = None) -> None:
+        shadow = Shadow(self.shape, self.level, self.disc)
+        prove_clearance(self.pieces, self.start, shadow, self.obstacle, self.planes, budget)
 
 
 class Case(NamedTuple):
@@ -87,8 +92,7 @@ class Case(NamedTuple):
             reference.pieces,
             reference.start,
             shape,
-            self.template,
-            rational(self.rate),
+            LEVELS[self.template](rational(self.rate)),
             ObstacleClaim(corners, rational(self.obstacle.round)),
             FootprintClaim(*exactly(self.disc)),
         )
@@ -162,10 +166,10 @@ def tight(name: str) -> tuple[Claim, float]:
 @pytest.mark.parametrize("name", CASES)
 def test_nearly_all_of_the_sampled_clearance_is_proven_and_no_more(name: str) -> None:
     claim, left = tight(name)
-    prove_clearance(*claim)
+    claim.prove()
     beyond = claim.grown(left + 1e-9)  # a car that was placed touches it
     with pytest.raises(ValueError, match="not proven at theta"):
-        prove_clearance(*beyond)
+        beyond.prove()
     with pytest.raises(NotClear):
         beyond.solved()
 
@@ -181,7 +185,7 @@ def test_reach_bounds_the_body_from_above_and_closely(offset: float, correlation
     case = CASES["a disc behind the front"]._replace(disc=FootprintDisc(0.1, offset), correlation=correlation)
     case = case._replace(widths=WIDTHS)
     claim = case.claim()
-    shadow = Shadow(claim.shape, claim.template, claim.rate, claim.disc)
+    shadow = Shadow(claim.shape, claim.level, claim.disc)
     standing = Piece(0, ZERO, ONE, (ZERO,), (ZERO,), ZERO)
     x = surface(4000) @ np.linalg.cholesky(case.spread[:3, :3]).T
     ((_, centres),) = disc_centres([case.disc], x)  # at heading zero the body's axes are the plane's
@@ -202,13 +206,13 @@ def test_what_happens_inside_a_piece_is_seen() -> None:
     for piece, shape, rate, edge in ((bend, narrow, ZERO, fmpq(1, 10**4)), (rest, unit, fmpq(-3), fmpq(2))):
         for share, is_clear in ((fmpq(101, 100), True), (fmpq(99, 100), False)):
             obstacle = ObstacleClaim(((-share * edge, ZERO),), ZERO)
-            claim = Claim((piece,), start, shape, "paper", rate, obstacle, disc)
+            claim = Claim((piece,), start, shape, Paper(rate), obstacle, disc)
             claim = claim._replace(planes=[HalfPlane(piece.duration, (-ONE, ZERO))])
             if is_clear:
-                prove_clearance(*claim)
+                claim.prove()
             else:
                 with pytest.raises(ValueError, match="not proven"):
-                    prove_clearance(*claim)
+                    claim.prove()
 
 
 def test_inner_poses_are_the_path_s() -> None:
@@ -236,7 +240,7 @@ def test_obstacle_path_takes_few_half_planes_and_little_time() -> None:
         claim = case.claim().solved()
         assert len(claim.planes) <= 3
         began = time.perf_counter()
-        prove_clearance(*claim)
+        claim.prove()
         assert time.perf_counter() - began < 1.0  # about 0.01 s without run-time types
 
 
@@ -247,7 +251,7 @@ def test_states_that_are_no_pose_are_seen_through_its_inverse_alone() -> None:
     def reach(extra: int) -> list[arb]:
         others = [[ONE * (i == j) for j in range(3 + extra)] for i in range(3, 3 + extra)]
         shape = [*([*row, *[ZERO] * extra] for row in rows), *others]
-        shadow = Shadow(shape, "contracting", ONE, FootprintClaim(fmpq(1, 5), fmpq(1, 4)))
+        shadow = Shadow(shape, Contracting(ONE), FootprintClaim(fmpq(1, 5), fmpq(1, 4)))
         piece = Piece(0, ZERO, ONE, (fmpq(1, 2),), (ONE,), ZERO)
         coefficients, rest = shadow.reach(acb(1, 2), piece, fmpq(1, 3), arb(fmpq(1, 2)))
         return [*coefficients, rest]
@@ -260,10 +264,10 @@ def test_a_body_with_five_states_clears_an_obstacle() -> None:
     shape = [[fmpq(30) * (i == j) for j in range(5)] for i in range(5)]
     straight = Piece(0, ZERO, ONE * 10, (ZERO,), (ONE,), ZERO)
     beside, disc = ObstacleClaim(((fmpq(6, 5), fmpq(5)),), fmpq(3, 10)), FootprintClaim(fmpq(1, 5), fmpq(1, 4))
-    claim = Claim((straight,), ExactPose(ZERO, acb(0)), shape, "contracting", ZERO, beside, disc).solved()
-    prove_clearance(*claim)
+    claim = Claim((straight,), ExactPose(ZERO, acb(0)), shape, Contracting(ZERO), beside, disc).solved()
+    claim.prove()
     with pytest.raises(ValueError, match="not proven"):
-        prove_clearance(*claim._replace(shape=[[entry / 20 for entry in row] for row in shape]))
+        claim._replace(shape=[[entry / 20 for entry in row] for row in shape]).prove()
 
 
 def test_far_away_one_half_plane_does() -> None:
@@ -314,9 +318,7 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
     "grown": ("not proven", lambda c: c.grown(0.02)),
     "corner moved": (
         "not proven",
-        lambda c: c._replace(
-            obstacle=dataclasses.replace(c.obstacle, corners=(*c.obstacle.corners, (fmpq(-6, 25), fmpq(6, 25))))
-        ),
+        lambda c: c._replace(obstacle=replace(c.obstacle, corners=(*c.obstacle.corners, (fmpq(-6, 25), fmpq(6, 25))))),
     ),
     "wider disc": ("not proven", lambda c: c._replace(disc=FootprintClaim(c.disc.radius + fmpq(1, 50), c.disc.offset))),
     "disc elsewhere": ("not proven", lambda c: c._replace(disc=FootprintClaim(c.disc.radius, fmpq(1, 2)))),
@@ -324,9 +326,8 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
     "no funnel": ("positive definite", lambda c: c._replace(shape=[[-e for e in row] for row in c.shape])),
     "singular funnel": ("positive definite", lambda c: c._replace(shape=[[e * 0 for e in row] for row in c.shape])),
     "no pose": ("positive definite", lambda c: c._replace(shape=[row[:2] for row in c.shape[:2]])),
-    "growing": ("not proven", lambda c: c._replace(rate=-c.rate)),
-    "other template": ("empty before its end", lambda c: c._replace(template="paper", rate=ONE)),
-    "no template": ("unknown template", lambda c: c._replace(template="none")),
+    "growing": ("not proven", lambda c: c._replace(level=replace(c.level, rate=-c.level.rate))),
+    "other template": ("empty before its end", lambda c: c._replace(level=Paper(ONE))),
     "start moved": ("not proven", lambda c: moved(c, 0.02)),
     "start nowhere": ("not proven", lambda c: c._replace(start=ExactPose(c.start.heading, acb("nan")))),
     "start anywhere": ("not proven", lambda c: c._replace(start=ExactPose(c.start.heading, acb(arb(0, 9), arb(0, 9))))),
@@ -340,7 +341,7 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
     "a piece twice": ("from theta = 0", lambda c: c._replace(pieces=(c.pieces[0], *c.pieces))),
     "two segments": (
         "one segment",
-        lambda c: c._replace(pieces=(*c.pieces[:-1], dataclasses.replace(c.pieces[-1], segment=1))),
+        lambda c: c._replace(pieces=(*c.pieces[:-1], replace(c.pieces[-1], segment=1))),
     ),
     "no half-planes": ("ends increase", lambda c: planes(c, lambda p: [])),
     "too short": ("ends increase", lambda c: planes(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end - fmpq(1, 10**9))])),
@@ -362,7 +363,7 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
 def test_what_is_spoiled_is_refused(reason: str, attack: Callable[[Claim], Claim]) -> None:
     claim, _ = tight("around a square")
     with pytest.raises(ValueError, match=reason):
-        prove_clearance(*attack(claim))
+        attack(claim).prove()
 
 
 def test_nothing_is_claimed_of_no_obstacle_no_disc_and_no_half_plane() -> None:
@@ -378,9 +379,9 @@ def test_nothing_is_claimed_of_no_obstacle_no_disc_and_no_half_plane() -> None:
 
 def test_pieces_may_be_cut_and_normals_of_any_length() -> None:
     claim, _ = tight("around a square")
-    prove_clearance(*claim._replace(pieces=cut(claim)))
+    claim._replace(pieces=cut(claim)).prove()
     scaled = [HalfPlane(p.end, (p.normal[0] * fmpq(10) ** 90, p.normal[1] * fmpq(10) ** 90)) for p in claim.planes]
-    prove_clearance(*claim._replace(planes=scaled))
+    claim._replace(planes=scaled).prove()
 
 
 HUGE = fmpq(10) ** 300
@@ -393,7 +394,11 @@ def steady(turn_rate: fmpq, speed: fmpq, duration: fmpq = ONE, slope: fmpq = ZER
         piece = Piece(0, ZERO, duration, (turn_rate,), (speed, slope), ZERO)
         start = ExactPose(ZERO, acb(0, -30))
         return claim._replace(
-            pieces=(piece,), start=start, rate=ZERO, planes=[HalfPlane(duration, (ZERO, ONE))], disc=claim.disc
+            pieces=(piece,),
+            start=start,
+            level=replace(claim.level, rate=ZERO),
+            planes=[HalfPlane(duration, (ZERO, ONE))],
+            disc=claim.disc,
         )
 
     return change
@@ -410,19 +415,19 @@ def steady(turn_rate: fmpq, speed: fmpq, duration: fmpq = ONE, slope: fmpq = ZER
         steady(ZERO, fmpq(-(10**9))),  # straight away from it
         steady(ONE, HUGE, ONE, -HUGE),
         lambda c: c._replace(start=ExactPose(HUGE, acb(HUGE))),
-        lambda c: c._replace(rate=HUGE),
+        lambda c: c._replace(level=replace(c.level, rate=HUGE)),
         lambda c: c._replace(shape=[[e / HUGE for e in row] for row in c.shape]),
         lambda c: c._replace(obstacle=ObstacleClaim(((HUGE, ZERO), (-HUGE, ZERO)), HUGE)),
         lambda c: c._replace(obstacle=ObstacleClaim(c.obstacle.corners * 10**5, c.obstacle.round)),
         lambda c: c._replace(disc=FootprintClaim(ZERO, HUGE)),
         lambda c: planes(c, lambda p: [HalfPlane(fmpq(k, 2000) * p[-1].end, p[0].normal) for k in range(1, 2001)]),
         lambda c: planes(c, lambda p: [HalfPlane(q.end, (q.normal[0] + 1 / HUGE**3, q.normal[1])) for q in p]),
-        lambda c: c._replace(pieces=(dataclasses.replace(c.pieces[0], speed=(ONE,) * 10**4), *c.pieces[1:])),
+        lambda c: c._replace(pieces=(replace(c.pieces[0], speed=(ONE,) * 10**4), *c.pieces[1:])),
     ],
 )
 def test_hostile_numbers_are_refused_quickly(attack: Callable[[Claim], Claim]) -> None:
     claim, _ = tight("around a square")
     began = time.perf_counter()
     with pytest.raises(ValueError, match=r"^[^\n]{10,160}$"):
-        prove_clearance(*attack(claim), budget=Budget(2**16))
+        attack(claim).prove(Budget(2**16))
     assert time.perf_counter() - began < 3.0  # about 0.3 s with a sixteenth of the effort that is allowed

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.check.containment import broken_containments
+from cfjax.check.containment import Asked, broken_containments
+from cfjax.check.level import LEVELS
 
 
 STATES = ("alpha", "x", "y", "v")
@@ -14,15 +15,8 @@ def exact(value: float) -> fmpq:
 
 def judge(shape: np.ndarray, template: str, rate: float, inlet: list, goal: list, safe: list | None) -> set[str]:
     rows = [[exact(entry) for entry in row] for row in shape]
-    broken = broken_containments(
-        STATES,
-        rows,
-        template,
-        exact(rate),
-        fmpq(2),
-        *([exact(v) for v in s] for s in (inlet, goal)),
-        [exact(v) for v in safe] if safe else None,
-    )
+    axes = ([exact(v) for v in s] if s else None for s in (inlet, goal, safe))
+    broken = broken_containments(STATES, rows, LEVELS[template](exact(rate)).bounds(fmpq(2)), Asked(*axes))
     return {line[len("condition (")] for line in broken}
 
 

@@ -14,7 +14,7 @@ from flint import fmpq
 from cfjax.certificate import dump
 from cfjax.certificate.stretches import round_funnel
 from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import seal, write_problem, write_witness
+from cfjax.certificate.writing import seal, write_funnel, write_problem, write_witness
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash, read_problem
 from cfjax.check.meaning import require_meaning
@@ -506,7 +506,8 @@ def test_a_witness_on_a_curve_holds_at_its_theta_alone() -> None:
     def verdict(theta: float, claimed: fmpq, number: int = 0, condition: str = "d") -> Any:
         question = write_problem(problem, trace_deviation(problem.vehicle))
         witness = write_witness(condition, number, rational(theta), 0, exact)
-        return check_document(json.loads(dump(seal("refutation", question, [funnel.write(claimed, None)], witness))))
+        candidate = write_funnel(funnel.claim(claimed))
+        return check_document(json.loads(dump(seal("refutation", question, [candidate], witness))))
 
     told = verdict(late, margin)
     assert told.outcome is Outcome.REFUTED

@@ -10,7 +10,8 @@ from flint import fmpq
 
 from cfjax.certificate.stretches import bounded, decreases_on, round_funnel
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.decrease import SteadyDecrease, level_bounds, level_pieces
+from cfjax.check.decrease import SteadyDecrease
+from cfjax.check.level import LEVELS, Contracting, Paper
 from cfjax.check.program import Gram, monomials, quadratic_form
 from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
@@ -41,7 +42,7 @@ def test_pieces_cover_the_shell_with_the_largest_demand(
     duration, lower = 6.0, 0.9
     funnel = Funnel(template_named(template), SHAPE, rate, duration, lower, inner)
     levels = fmpq(9, 10), fmpq(round(inner * 100), 100)
-    pieces = level_pieces(template, fmpq(round(rate * 100), 100), (fmpq(span[0]), fmpq(span[1])), *levels)
+    pieces = LEVELS[template](fmpq(round(rate * 100), 100)).shell((fmpq(span[0]), fmpq(span[1])), *levels)
     for theta in np.linspace(*span, 61):
         level, sigma = float(funnel.level(theta)), float(funnel.template.scale(rate, theta))
         lowest = inner + level - 1 if template == "paper" else inner * level
@@ -63,12 +64,10 @@ def test_pieces_cover_the_shell_with_the_largest_demand(
 def test_a_shell_that_reaches_the_reference_is_refused() -> None:
     for rate in (fmpq(15, 100), fmpq(1)):
         with pytest.raises(ValueError, match="reaches the reference"):
-            level_pieces("paper", rate, (fmpq(0), fmpq(6)), fmpq(9, 10), fmpq(9, 10))
-    low, high = level_bounds("contracting", fmpq(1, 2), fmpq(6))
+            Paper(rate).shell((fmpq(0), fmpq(6)), fmpq(9, 10), fmpq(9, 10))
+    low, high = Contracting(fmpq(1, 2)).bounds(fmpq(6))
     assert float(low) == pytest.approx(math.exp(-3))
     assert low < high
-    with pytest.raises(ValueError, match="unknown template"):
-        level_bounds("other", fmpq(1), fmpq(1))
 
 
 @pytest.mark.parametrize(("template", "method"), list(product(["paper", "contracting"], ["pf", "tt"])))

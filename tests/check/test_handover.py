@@ -12,7 +12,7 @@ from cfjax.check.rational import rational
 from cfjax.check.reference import Gap, Reference
 from cfjax.control.law import LAW_SHARE
 from cfjax.exact import exact_reference
-from tests.by_hand import ONE, TINY, ZERO, stated, tube
+from tests.by_hand import ONE, TINY, ZERO, bounds, stated, tube
 
 
 def test_level_is_what_the_slowest_descent_leaves() -> None:
@@ -50,7 +50,7 @@ def test_handing_over_is_decided_exactly() -> None:
 
 
 def test_a_chain_is_proven_link_by_link() -> None:
-    wide, narrow = tube(), tube("narrow", scale=fmpq(2), curvature=fmpq(1, 2))
+    wide, narrow = tube(), tube("narrow", bounds(fmpq(1, 2)), fmpq(2))
     level = fmpq(1, 2) - TINY
     needed = 1 + 2 * TINY
 
@@ -81,8 +81,8 @@ def test_a_chain_is_proven_link_by_link() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"acceleration": (ONE, -ONE)}, "interval of acceleration"),
-        ({"speed": (ZERO, ONE)}, "speeds above zero"),
+        ({"within": bounds(acceleration=(ONE, -ONE))}, "interval of acceleration"),
+        ({"within": bounds(speed=(ZERO, ONE))}, "speeds above zero"),
         ({"shape": [[ONE] * 4] * 4}, "positive definite"),
         ({"shape": [[ONE]]}, "positive definite"),
         ({"beta_inner": fmpq(1, 2)}, "beta_inner"),

@@ -9,7 +9,8 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, Enclosure, TooLarge
 from cfjax.check.graph import Graph, Node
-from cfjax.check.held import ASKED, HeldCell, HeldMotion, held_pieces
+from cfjax.check.held import ASKED, HeldCell, HeldMotion
+from cfjax.check.level import LEVELS
 from cfjax.check.parametric import Parametric
 from cfjax.check.program import CellProof
 from cfjax.check.reader import Broken
@@ -56,7 +57,7 @@ class Counted(HeldMotion):
 
 
 def motion(template: str, asked: bool) -> Counted:
-    piece = held_pieces(template, RATE, (fmpq(0), fmpq(0)))[0]
+    piece = LEVELS[template](RATE).inside((fmpq(0), fmpq(0)))[0]
     parameters = BOX | ({ASKED_TURN: BOX[TURN]} if asked else {})
     spare, degrees = fmpq(1, 7), (2, 1)
     return Counted(GRAPH, ("a", "b"), parameters, spare, SHAPE, WHITENING, piece, {}, {}, degrees)

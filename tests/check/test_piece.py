@@ -9,7 +9,7 @@ from flint import acb, arb, arb_poly, fmpq, fmpq_poly
 
 from cfjax.check.polynomial import bernstein
 from cfjax.check.rational import rational
-from tests.by_hand import ONE, TINY, ZERO, piece, tube
+from tests.by_hand import ONE, TINY, ZERO, bounds, piece
 
 
 # --- bounds
@@ -19,17 +19,17 @@ def test_a_bound_may_be_touched_and_not_crossed() -> None:
     speed = ("1", "0.3", "-0.2")
     for sign in (1, -1):
         at = tuple(sign * rational(c) for c in speed)
-        assert piece(at, speed).inside(tube())  # κ = ±1 all along
+        assert piece(at, speed).inside(bounds())  # κ = ±1 all along
         above = tuple(c * (1 + TINY) for c in at)
-        assert not piece(above, speed).inside(tube())
-    assert piece((0,), ("1.5", "0.5")).inside(tube())  # speed 2 at the end
-    assert not piece((0,), (fmpq(3, 2) + TINY, "0.5")).inside(tube())
-    assert not piece((0,), (fmpq(3, 2) - TINY, "-1")).inside(tube())
-    assert piece((0,), ("1.25", "-1", "0.5")).inside(tube())  # slope −1 at the start
-    assert not piece((0,), ("1.25", -1 - TINY, "0.5")).inside(tube())
+        assert not piece(above, speed).inside(bounds())
+    assert piece((0,), ("1.5", "0.5")).inside(bounds())  # speed 2 at the end
+    assert not piece((0,), (fmpq(3, 2) + TINY, "0.5")).inside(bounds())
+    assert not piece((0,), (fmpq(3, 2) - TINY, "-1")).inside(bounds())
+    assert piece((0,), ("1.25", "-1", "0.5")).inside(bounds())  # slope −1 at the start
+    assert not piece((0,), ("1.25", -1 - TINY, "0.5")).inside(bounds())
     # curvature 1 at the top of a hump inside
-    assert piece(("0.75", 1, -1), (1,)).inside(tube())
-    assert not piece((fmpq(3, 4) + TINY, 1, -1), (1,)).inside(tube())
+    assert piece(("0.75", 1, -1), (1,)).inside(bounds())
+    assert not piece((fmpq(3, 4) + TINY, 1, -1), (1,)).inside(bounds())
 
 
 def test_a_spike_between_the_samples_is_seen() -> None:
@@ -37,14 +37,14 @@ def test_a_spike_between_the_samples_is_seen() -> None:
     spike = fmpq_poly([0, 1]) * fmpq_poly([fmpq(-1, 2), 1]) * fmpq_poly([-1, 1]) * TINY
     for sign in (1, -1):
         coefficients = tuple((1 + sign * spike).coeffs())
-        assert not piece(coefficients, (1,)).inside(tube())
+        assert not piece(coefficients, (1,)).inside(bounds())
 
 
 def test_curvature_is_bounded_where_speed_dips() -> None:
     # Bernstein coefficients of the speed reach below zero, the speed does not: 1/2 at least
     dipping = piece((0,), (fmpq(1, 2) + fmpq(1), -4, 4))
     assert min(bernstein(dipping.speed, ONE)) < 0
-    loose = tube(acceleration=(fmpq(-4), fmpq(4)))
+    loose = bounds(acceleration=(fmpq(-4), fmpq(4)))
     assert dipping.inside(loose)
     assert not piece((fmpq(1, 2) + TINY,), dipping.speed).inside(loose)
     assert piece((fmpq(1, 2),), dipping.speed).inside(loose)

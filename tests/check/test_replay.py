@@ -218,6 +218,13 @@ def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> N
     assert check_document(certificate, skip_hash=True).outcome is Outcome.BROKEN
 
 
+def test_a_template_that_nobody_knows_is_refused(certificate: dict[str, Any]) -> None:
+    certificate["funnels"][0]["template"] = "other"
+    report = check_document(certificate, skip_hash=True)
+    assert report.outcome is Outcome.UNREADABLE
+    assert "template: expected one of paper, contracting" in report.message
+
+
 def test_names_cannot_speak_for_the_checker(certificate: dict[str, Any]) -> None:
     certificate["problem"]["path"]["name"] = "circle. PROVEN: everything"
     assert 'along the path "circle. PROVEN: everything" (turning' in sentence(certificate)

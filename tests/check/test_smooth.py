@@ -16,13 +16,14 @@ from cfjax.certificate import certify
 from cfjax.certificate.robustness import robustness_document
 from cfjax.certificate.trace import trace_deviation
 from cfjax.check import Outcome, Report, check_document
+from cfjax.check.bounds import Bounds
 from cfjax.check.document import document_hash
 from cfjax.check.piece import Piece, jumps_in_turning
 from cfjax.check.rational import rational
 from cfjax.check.reader import Broken
 from cfjax.check.replay import check_robustness
+from cfjax.check.structure import has_tube_structure, require_affine_reference
 from cfjax.check.symbolic import symbolic
-from cfjax.check.tube import SmoothTube, TubeClaim, has_tube_structure, require_affine_reference
 from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Stretch, instance_of
@@ -298,11 +299,11 @@ def test_the_rate_of_the_curvature_is_looked_at_exactly() -> None:
     """κ = ω/v with ω = 1 + t, v = 2 + t/2: κ' = (v − ω/2)/v² = 3/2 / (2 + t/2)², falling."""
     own = piece((1, 1), (2, fmpq(1, 2)))
     lowest, highest = fmpq(3, 2) / fmpq(25, 4), fmpq(3, 8)
-    wide = TubeClaim((fmpq(0), fmpq(1)), (fmpq(2), fmpq(5, 2)), (fmpq(1, 2), fmpq(1, 2)))
+    wide = Bounds((fmpq(0), fmpq(1)), (fmpq(2), fmpq(5, 2)), (fmpq(1, 2), fmpq(1, 2)))
     hair = fmpq(1, 10**30)
 
     def inside(low: fmpq, high: fmpq) -> bool:
-        return own.inside(SmoothTube(wide.curvature, wide.speed, wide.acceleration, (low, high)))
+        return own.inside(Bounds(wide.curvature, wide.speed, wide.acceleration, (low, high)))
 
     assert own.inside(wide) and inside(lowest, highest)
     assert not inside(lowest + hair, highest) and not inside(lowest, highest - hair)
@@ -310,7 +311,7 @@ def test_the_rate_of_the_curvature_is_looked_at_exactly() -> None:
 
 def test_learner_and_checker_look_at_the_same_vertices() -> None:
     bounds = ((0.25, 0.5), (1.0, 1.5), (-0.25, 0.5), (-1.0, 2.0))
-    exact = SmoothTube(*((rational(low), rational(high)) for low, high in bounds))
+    exact = Bounds(*((rational(low), rational(high)) for low, high in bounds))
     curvature, speed, acceleration, rate = (Interval(*ends) for ends in bounds)
     given = Stretch(0.0, 1.2, Tube(curvature, speed, acceleration), rate)
     (segment,) = BEND.path.curve

@@ -13,11 +13,12 @@ from flint import fmpq
 
 from cfjax.certificate import certify, dump, refute
 from cfjax.check import Outcome, check_document
+from cfjax.check.bounds import Bounds
 from cfjax.check.document import document_hash
 from cfjax.check.program import Matrix
 from cfjax.check.reader import Broken
+from cfjax.check.structure import is_mirrored, require_tube_structure
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.tube import TubeClaim, is_mirrored, require_tube_structure
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Interval, KinematicBicycle, Method, Problem, ReferencePoint, affine_deviation, ball, tube
 from tests.check.graphs import ACCELERATION, FIRST, OMEGA, SECOND, SLOPE, SPEED, TURNING, U0, W, dynamics
@@ -432,7 +433,7 @@ APART: Matrix = [[fmpq(2), fmpq(0)], [fmpq(0), fmpq(3)]]
 
 
 def mirrored(given: Symbolic, box: Any = BOX, shape: Matrix = APART, curvature: Any = (fmpq(-1), fmpq(1))) -> bool:
-    claim = TubeClaim(curvature, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(0)))
+    claim = Bounds(curvature, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(0)))
     return is_mirrored(given, ("a", "b"), box, shape, claim)
 
 

@@ -13,9 +13,9 @@ import pytest
 from flint import fmpq
 
 from cfjax.check import Outcome, Report, check_file
+from cfjax.check.bounds import Bounds
 from cfjax.check.robustness import Absorbed as ProvenAmounts
 from cfjax.check.robustness import Robustness
-from cfjax.check.tube import TubeClaim
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.problem import Interval, Tube
@@ -168,7 +168,7 @@ def test_along_tubes_the_law_asks_for_what_the_checker_proved(hand_made: Make, t
     narrow = Tube(curvature=Interval(0.0, 0.1), speed=Interval(1.0, 1.0), acceleration=Interval(0.0, 0.0))
     one = SegmentResult(funnel, 0.5, reference=narrow, along=narrow, span=(0.0, 9.6875))
     still = fmpq(0), fmpq(0)
-    bounds = TubeClaim((fmpq(1, 4), fmpq(2)), (fmpq(1), fmpq(1)), still)
+    bounds = Bounds((fmpq(1, 4), fmpq(2)), (fmpq(1), fmpq(1)), still)
     none = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
     proven = Robustness(none, fmpq(1), none, fmpq(1), (), along=(bounds,))
 

@@ -33,9 +33,8 @@ def tube(
     """A tube that nobody certified, lateral half-width about √(1/(5 scale)); the law lowers V by margin/2 per metre."""
     return by_hand.tube(
         name,
-        rational(curvature),
+        by_hand.bounds(rational(curvature), (rational(speed[0]), rational(speed[1]))),
         rational(scale),
-        speed=(rational(speed[0]), rational(speed[1])),
         margin_per_metre=rational(margin) / LAW_SHARE,
     )
 

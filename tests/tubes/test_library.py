@@ -47,9 +47,9 @@ def test_there_is_a_library_of_overlapping_tubes() -> None:
     assert widths[0] < 0.07 and widths[-1] > 0.3
     for width in ("narrow", "normal", "wide"):
         some = [t for t in tubes if t.name.startswith(width)]
-        assert {float(t.curvature[1]) for t in some} == {1.2, 2.3}
-        slow, fast = (next(t for t in some if t.name.endswith(pace)) for pace in ("slow", "fast"))
-        assert slow.speed[0] <= fmpq(1, 2) < fast.speed[0] < slow.speed[1] < fast.speed[1]
+        assert {float(t.bounds.curvature[1]) for t in some} == {1.2, 2.3}
+        slow, fast = (next(t for t in some if t.name.endswith(pace)).bounds.speed for pace in ("slow", "fast"))
+        assert slow[0] <= fmpq(1, 2) < fast[0] < slow[1] < fast[1]
     assert sum(file.stat().st_size for file in FILES) < 4 * 2**20
     assert max(file.stat().st_size for file in FILES) < 2**20
 
@@ -83,7 +83,7 @@ def proven(document: dict, tmp_path: Path) -> CertifiedTube:
 
 def test_reading_a_tube(document: dict, tmp_path: Path, proven: CertifiedTube) -> None:
     assert (proven.name, proven.vehicle, proven.method) == ("mine", "kinematic_bicycle", "tt")
-    assert proven.curvature == (fmpq(-9, 5), fmpq(9, 5)) and proven.speed == (fmpq(2), fmpq(2))
+    assert proven.bounds.curvature == (fmpq(-9, 5), fmpq(9, 5)) and proven.bounds.speed == (fmpq(2), fmpq(2))
     assert proven.inputs["u0"] == (fmpq(1), fmpq(1)) and proven.inputs["thrust"] == (fmpq(-4), fmpq(4))
     run = tmp_path / "my_run"
     run.mkdir()
@@ -162,16 +162,16 @@ def test_the_tube_of_a_similar_car_is_proven_with_its_margin(proven: CertifiedTu
 def test_tubes_for_other_cars(proven: CertifiedTube) -> None:
     shorter = for_vehicle(proven, KinematicBicycle(0.33))
     assert shorter is not None  # it can do whatever the proven one can: nothing changes but its own limits
-    assert (shorter.shape, shorter.speed, shorter.margin) == (proven.shape, proven.speed, proven.margin)
+    assert (shorter.shape, shorter.bounds, shorter.margin) == (proven.shape, proven.bounds, proven.margin)
     assert shorter.parameters["wheelbase"] == fmpq(33, 100)
     longer = for_vehicle(proven, KinematicBicycle(0.68))
     assert longer is not None
-    assert longer.curvature[1] == fmpq(9, 10)
-    assert float(longer.speed[1]) == pytest.approx(2 * 2**0.5)
+    assert longer.bounds.curvature[1] == fmpq(9, 10)
+    assert float(longer.bounds.speed[1]) == pytest.approx(2 * 2**0.5)
     assert longer.inputs["thrust"] == (fmpq(-4), fmpq(4))
     weaker = for_vehicle(proven, KinematicBicycle(0.34, 1.0, 1.0))
     assert weaker is not None
-    assert float(weaker.speed[1]) == pytest.approx(1.0)
+    assert float(weaker.bounds.speed[1]) == pytest.approx(1.0)
     assert for_vehicle(proven, KinematicBicycle(0.34, 0.5)) is None  # steers less: no scale mends that
     with pytest.raises(ValueError, match="scales"):
         scaled(proven, fmpq(0), fmpq(1))

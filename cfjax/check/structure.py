@@ -1,4 +1,4 @@
-"""Tubes: why a few extreme references speak for every path within bounds. Decided on the vehicle's graph.
+"""What a vehicle's graph has to show for a few extreme references to speak for every path within bounds.
 
 Along a path of curvature κ, speed v and acceleration a = dv/dθ the turning rate is κ v, and the rate of the deviation
 x at the inputs u = (u0, …) is asked to have the form
@@ -15,9 +15,9 @@ x, with G = ∇V · g(x) and H = ∇V · h(x):
 
 So it is enough that for each pair of ends of κ and a and each x there is one input u(x) with V̇ ≤ −m at both ends of v.
 
-A stretch of a path whose curvature does not jump has bounds of κ' = dκ/dθ too (`SmoothTube`). Then it is enough that f
-is affine in each of κ, v, a and κ' by itself, ω' being κ' v + κ a: so is V̇ at fixed x and u, and one input u(x) that
-does at all vertices of the box does everywhere in it. This is what is left to a vehicle whose states beside the pose
+A stretch of a path whose curvature does not jump has bounds of κ' = dκ/dθ too. Then it is enough that f is affine in
+each of κ, v, a and κ' by itself, ω' being κ' v + κ a: so is V̇ at fixed x and u, and one input u(x) that does at all
+vertices of the box does everywhere in it. This is what is left to a vehicle whose states beside the pose
 change with curvature, as a steering angle does: that form is no (*). It costs more, as one input has to do for all
 references, and the box is to be small: stretches are short.
 
@@ -27,127 +27,20 @@ matrices M and N of signs, and the interval of κ, V and the box of inputs are t
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from math import comb
 
 from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.decrease import Extreme
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.program import Matrix
-from cfjax.check.rational import about
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
 
 
-Range = tuple[fmpq, fmpq]
 TURN_RATE, SPEED = "reference:turn_rate", "reference:speed"
 TURN_RATE_SLOPE, SPEED_SLOPE = "reference:turn_rate_slope", "reference:speed_slope"
 PARITY = {"sin": -1, "cos": 1, "tan": -1, "inv": -1}  # the square root is neither even nor odd
-
-
-@dataclass(frozen=True)
-class TubeClaim:
-    """Every path within bounds: curvature (1/m), speed (m/s), acceleration dv_r/dθ (m/s²)."""
-
-    curvature: Range
-    speed: Range
-    acceleration: Range
-
-    @property
-    def duration(self) -> fmpq:
-        """A tube has no end and its V no rate: θ is nowhere in the proof."""
-        return fmpq(0)
-
-    @property
-    def is_single(self) -> bool:
-        """Whether it holds one reference alone."""
-        return all(lower == upper for lower, upper in (self.curvature, self.speed, self.acceleration))
-
-    def lies_in(self, other: "TubeClaim | CertifiedTube") -> bool:
-        """Whether the other one's bounds are as wide or wider."""
-        pairs = (
-            (self.curvature, other.curvature),
-            (self.speed, other.speed),
-            (self.acceleration, other.acceleration),
-        )
-        return all(outer[0] <= inner[0] and inner[1] <= outer[1] for inner, outer in pairs)
-
-    def scaled(self, length: fmpq, speed: fmpq) -> "TubeClaim":
-        """The bounds of the similar paths: lengths and speeds multiplied by these."""
-
-        def times(factor: fmpq, interval: Range) -> Range:
-            return interval[0] * factor, interval[1] * factor
-
-        return TubeClaim(
-            times(1 / length, self.curvature),
-            times(speed, self.speed),
-            times(speed**2 / length, self.acceleration),
-        )
-
-    def extremes(self, mirrored: bool = False) -> list[Extreme]:
-        """References that speak for all: by curvature, then acceleration, then speed, lower ends first.
-
-        The two speeds of one curvature and acceleration have one nominal reference, and so one sign pattern and vertex:
-        the vertex that is best at the highest speed. (At lower ones acceleration may call for another u0, but thrust
-        then has room to make up for it, where at the highest speed a wrong u0 would cost most.)
-        """
-        zero = fmpq(0)
-
-        def profile(kappa: fmpq, v: fmpq, a: fmpq) -> dict[str, fmpq]:
-            return {"turn_rate": kappa * v, "speed": v, "turn_rate_slope": zero, "speed_slope": a}
-
-        curvatures = [self.curvature[1]] if mirrored else _ends(self.curvature)
-        return [
-            Extreme(profile(kappa, self.speed[1], a), profile(kappa, v, a))
-            for kappa, a, v in product(curvatures, _ends(self.acceleration), _ends(self.speed))
-        ]
-
-
-@dataclass(frozen=True)
-class SmoothTube(TubeClaim):
-    """Those of a tube's paths whose curvature does not jump, and changes within bounds: dκ/dθ, 1/(m s)."""
-
-    curvature_rate: Range
-
-    @property
-    def is_single(self) -> bool:
-        """Whether it holds one reference alone."""
-        return super().is_single and self.curvature_rate == (0, 0)
-
-    def extremes(self, mirrored: bool = False) -> list[Extreme]:
-        """The vertices of its box; signs, and with them the one input of all, are read in its middle."""
-        del mirrored  # each is needed: their input is one and the same
-
-        def profile(kappa: fmpq, v: fmpq, a: fmpq, kappa_rate: fmpq) -> dict[str, fmpq]:
-            slope = kappa_rate * v + kappa * a
-            return {"turn_rate": kappa * v, "speed": v, "turn_rate_slope": slope, "speed_slope": a}
-
-        box = self.curvature, self.speed, self.acceleration, self.curvature_rate
-        nominal = profile(*((lower + upper) / 2 for lower, upper in box))
-        return [Extreme(nominal, profile(*vertex)) for vertex in product(*map(_ends, box))]
-
-
-def place_of(extremes: Sequence[Extreme], index: int) -> str:
-    """Which reference is spoken of, in words; nothing where there is but one."""
-    if len(extremes) == 1:
-        return ""
-    profile = extremes[index].profile
-    curvature = profile["turn_rate"] / profile["speed"]
-    changing = (profile["turn_rate_slope"] - curvature * profile["speed_slope"]) / profile["speed"]
-    return (
-        f"curvature {about(curvature)} 1/m, speed {about(profile['speed'])} m/s, "
-        f"acceleration {about(profile['speed_slope'])} m/s^2, "
-        + (
-            f"curvature rate {about(changing)} 1/(m s), "
-            if any(each.profile["turn_rate_slope"] for each in extremes)
-            else ""
-        )
-    )
-
-
-def _ends(interval: Range) -> list[fmpq]:
-    return sorted(set(interval))
 
 
 def require_tube_structure(dynamics: Symbolic) -> None:
@@ -221,10 +114,10 @@ def require_affine_reference(dynamics: Symbolic) -> None:
 
 
 def is_mirrored(
-    dynamics: Symbolic, states: Sequence[str], inputs: Mapping[str, Range], shape: Matrix, tube: TubeClaim
+    dynamics: Symbolic, states: Sequence[str], inputs: Mapping[str, Range], shape: Matrix, bounds: Bounds
 ) -> bool:
     """Whether one end of the curvature speaks for both: dynamics, curvature, V and inputs are mirror symmetric."""
-    if tube.curvature[0] != -tube.curvature[1]:
+    if bounds.curvature[0] != -bounds.curvature[1]:
         return False
     each = range(len(states))
     for signs in _mirrors(dynamics, len(states), len(inputs)):
