@@ -121,7 +121,7 @@ def piece_of(task: Task, z: Float[Array, "z k"]) -> Array | int:
     return keep(task.reference.find(z[-1])) if isinstance(task.reference, Pieces) else 0
 
 
-def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, "m #k"]:
+def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, " m #k"]:
     """The feed-forward at z, inside the box; the same for all (k = 1) where the reference is one point."""
     inputs = feedforward(vehicle, point_of(task, z[-1], piece))
     return keep(jnp.clip(jnp.stack([jnp.atleast_1d(u) for u in inputs]), task.lower[:, None], task.upper[:, None]))
