@@ -15,6 +15,7 @@ from cfjax.coerce import number, objects
 from cfjax.demonstrator.box import applied, dot, keep
 from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
 from cfjax.problem.course import Pieces, point_at, profiles_of
+from cfjax.problem.runge_kutta import runge_kutta
 from cfjax.problem.vehicle import Scalar
 
 
@@ -134,12 +135,8 @@ def advance(
     count = len(vehicle.state_names)
 
     def rate(z: Array) -> Array:
+        z = keep(z)
         rates = deviation_rate(vehicle, tuple(z[:count]), tuple(inputs), point_of(task, z[-1], piece))
         return keep(jnp.stack([*rates, inputs[0]] if task.moves else [*rates]))
 
-    h = task.step
-    first = rate(z)
-    second = rate(keep(z + 0.5 * h * first))
-    third = rate(keep(z + 0.5 * h * second))
-    fourth = rate(keep(z + h * third))
-    return keep(z + h / 6 * (first + 2 * (second + third) + fourth))
+    return keep(runge_kutta(rate, z, task.step))

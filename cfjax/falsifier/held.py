@@ -17,6 +17,7 @@ from cfjax.falsifier.falsifier import require_question
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Path, Problem, ReferencePoint, Segment, Tube, Vehicle, deviation_rate
 from cfjax.problem.course import Pieces, point_at, profiles_of
+from cfjax.problem.runge_kutta import runge_kutta
 
 
 STEPS = 64  # of the horizon, by RK4; between two of them V counts as linear
@@ -162,11 +163,7 @@ def _first_exit(
     """When V passes 1 (s), within STEPS steps of RK4 along the motion that `motion_from` gives for each; else inf."""
 
     def move(at: Array, _: None) -> tuple[Array, Array]:
-        motion = motion_from(at)
-        k1 = motion(at)
-        k2 = motion(at + step / 2 * k1)
-        k3 = motion(at + step / 2 * k2)
-        at = at + step / 6 * (k1 + 2 * k2 + 2 * k3 + motion(at + step * k3))
+        at = runge_kutta(motion_from(at), at, step)
         return at, value(at)
 
     _, values = jax.lax.scan(move, z, None, length=STEPS)
