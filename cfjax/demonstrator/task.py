@@ -15,6 +15,7 @@ from cfjax.coerce import number, objects
 from cfjax.demonstrator.box import applied, dot, keep
 from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
 from cfjax.problem.course import Pieces, point_at, profiles_of
+from cfjax.problem.input_box import InputBox
 from cfjax.problem.runge_kutta import runge_kutta
 from cfjax.problem.vehicle import Scalar
 
@@ -38,7 +39,7 @@ def weights_of(problem: Problem, effort: float = 0.1, terminal: float = 1.0) -> 
     """
     effort, terminal = number("effort", effort, least=0), number("terminal", terminal, "s", least=0)
     objects(problem=(problem, Problem))
-    half = np.array([interval.half for interval in problem.inputs])
+    half = InputBox.of(problem.inputs).half
     squares = np.divide(effort, half**2, out=np.zeros_like(half), where=half > 0)
     state = jnp.asarray(problem.inlet.shape)
     return Weights(state, jnp.asarray(np.diag(squares)), terminal * state)
@@ -94,12 +95,12 @@ def reference_of(problem: Problem) -> tuple[ReferencePoint | Pieces, float]:
 
 def task_of(problem: Problem, weights: Weights, step: float) -> Task:
     """The optimal-control problem of a path's deviations, in intervals of `step` (s)."""
-    reference, end = reference_of(problem)
+    (reference, end), box = reference_of(problem), InputBox.of(problem.inputs)
     return Task(
         reference,
         jnp.asarray(end, float),
-        jnp.array([interval.lower for interval in problem.inputs]),
-        jnp.array([interval.upper for interval in problem.inputs]),
+        jnp.asarray(box.lower),
+        jnp.asarray(box.upper),
         Weights(*(jnp.asarray(matrix, float) for matrix in weights)),
         jnp.asarray(step, float),
     )

@@ -17,6 +17,7 @@ from cfjax.falsifier.falsifier import require_question
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Path, Problem, ReferencePoint, Segment, Tube, Vehicle, deviation_rate
 from cfjax.problem.course import Pieces, point_at, profiles_of
+from cfjax.problem.input_box import InputBox
 from cfjax.problem.runge_kutta import runge_kutta
 
 
@@ -45,7 +46,7 @@ def first_escape(
     decrease_per_metre = number("decrease_per_metre", decrease_per_metre, "1/m")
     seed, trials = whole("seed", seed, 0), whole("trials", trials, KEPT)
     rng = np.random.default_rng(seed)
-    lower, upper = (np.array([getattr(box, end) for box in problem.inputs]) for end in ("lower", "upper"))
+    lower, upper = InputBox.of(problem.inputs)
     unit = np.linalg.inv(np.linalg.cholesky(funnel.shape)).T
     numbers = jnp.array([funnel.rate, funnel.beta_lower, decrease, decrease_per_metre])
     if isinstance(segment, Tube):
