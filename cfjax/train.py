@@ -269,7 +269,7 @@ def run_job(node: "DictConfig") -> "Result | None":
         with locked(folder, wait=True):  # a worker may outlive the command that was killed
             config = question[0]
             points = file.read_bytes() if (file := cfjax.conf.waypoint_file(config)) else None
-            done = is_done(folder, cfjax.conf.yaml_of(config), points) and is_proven_of(folder, question[1])
+            done = is_done(folder, cfjax.conf.yaml_of(config), points) and is_proven_of(folder, config, question[1])
             (folder / ERROR).unlink(missing_ok=True)
             if done:
                 print(f"job {folder.name}: done already", flush=True)

@@ -11,9 +11,9 @@ from PIL import Image
 
 import cfjax.simulate.__main__ as command
 from cfjax.problem import Interval, Problem, ball, circle, tube
-from cfjax.report.simulation import account_of_period
 from cfjax.result import Absorbed, Robustness
 from cfjax.simulate import experiment
+from cfjax.simulate.report import account_of_period
 from cfjax.simulate.tube_course import winding
 from cfjax.verdict import Verdict
 

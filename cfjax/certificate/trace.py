@@ -3,7 +3,8 @@
 Only operations that the exact arithmetic knows are taken; anything else is refused by name.
 """
 
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +29,43 @@ EXACT = (*BINARY, *UNARY, *POWERS, *TRANSPARENT)
 NESTED = ("pjit", "jit", "closed_call", "custom_jvp_call", "custom_vjp_call")
 
 
+Value = TypeVar("Value")
+
+
+def interpreted(
+    function: Callable[..., Sequence],
+    arguments: Sequence[Value],
+    constant: Callable[[Any], Value],
+    operation: Callable[[core.JaxprEqn, list[Value]], Value],
+) -> list[Value]:
+    """What a function of scalars comes to in another arithmetic, by its primitives as JAX traces them, in float64.
+
+    `constant` lifts a number into that arithmetic, `operation` applies a primitive that is no call of other ones.
+    """
+
+    def run(jaxpr: core.Jaxpr, consts: Sequence[Any], arguments: Sequence[Value]) -> list[Value]:
+        where: dict[Any, Value] = dict(zip(jaxpr.invars, arguments, strict=True))
+        where.update(zip(jaxpr.constvars, map(constant, consts), strict=True))
+
+        def read(atom: Any) -> Value:
+            return constant(atom.val) if isinstance(atom, core.Literal) else where[atom]
+
+        for equation in jaxpr.eqns:
+            given = [read(atom) for atom in equation.invars]
+            if equation.primitive.name in NESTED:
+                inner = equation.params.get("jaxpr") or equation.params["call_jaxpr"]
+                values = run(inner.jaxpr, inner.consts, given)
+            else:
+                values = [operation(equation, given)]
+            where.update(zip(equation.outvars, values, strict=True))
+        return [read(atom) for atom in jaxpr.outvars]
+
+    closed = jax.make_jaxpr(lambda *scalars: [jnp.asarray(value, float) for value in function(*scalars)])(
+        *(0.0 for _ in arguments)
+    )
+    return run(closed.jaxpr, closed.consts, arguments)
+
+
 def trace_deviation(vehicle: Vehicle) -> Graph:
     """Graph of ẋ_R over the deviation's states, the inputs (u0, …) and the reference's profile.
 
@@ -37,15 +75,15 @@ def trace_deviation(vehicle: Vehicle) -> Graph:
     states, inputs = vehicle.state_names, ("u0", *vehicle.input_names)
     names = (*states, *(f"input:{name}" for name in inputs), *(f"reference:{name}" for name in PROFILE_INPUTS))
 
-    def rate(*scalars: Any) -> list:
+    def rate(*scalars: Any) -> Sequence:
         x = scalars[: len(states)]
         u = scalars[len(states) : len(states) + len(inputs)]
         reference = ReferencePoint(*scalars[len(states) + len(inputs) :])
-        return [jnp.asarray(value, float) for value in deviation_rate(vehicle, x, u, reference)]
+        return deviation_rate(vehicle, x, u, reference)
 
-    closed = jax.make_jaxpr(rate)(*(0.0 for _ in names))
     builder = _Builder(vehicle.name)
-    outputs = builder.run(closed.jaxpr, closed.consts, [builder.add(Node("input", name=name)) for name in names])
+    inputs_read = [builder.add(Node("input", name=name)) for name in names]
+    outputs = interpreted(rate, inputs_read, builder.constant, builder.equation)
     return Graph(tuple(builder.nodes), tuple(outputs))
 
 
@@ -88,18 +126,6 @@ class _Builder:
             raise InputError(f"vehicle {self.vehicle}: division by zero")
         return self.add(Node("constant", value=1 / value))
 
-    def run(self, jaxpr: core.Jaxpr, consts: list, arguments: list[int]) -> list[int]:
-        where: dict[Any, int] = dict(zip(jaxpr.invars, arguments, strict=True))
-        where.update(zip(jaxpr.constvars, map(self.constant, consts), strict=True))
-
-        def read(atom: Any) -> int:
-            return self.constant(atom.val) if isinstance(atom, core.Literal) else where[atom]
-
-        for equation in jaxpr.eqns:
-            values = self.equation(equation, [read(atom) for atom in equation.invars])
-            where.update(zip(equation.outvars, values, strict=True))
-        return [read(atom) for atom in jaxpr.outvars]
-
     def require_reals(self, equation: Any, args: list[int]) -> None:
         """Raises InputError unless everything is a 64-bit number, which stands for a real one, or such a constant.
 
@@ -120,31 +146,26 @@ class _Builder:
                 "expected float64 throughout"
             )
 
-    def equation(self, equation: Any, args: list[int]) -> list[int]:
+    def equation(self, equation: core.JaxprEqn, args: list[int]) -> int:
         name = equation.primitive.name
-        if name in NESTED:
-            inner = equation.params.get("jaxpr") or equation.params["call_jaxpr"]
-            return self.run(inner.jaxpr, inner.consts, args)
         self.require_reals(equation, args)
-        if name == CAST:
-            return args
+        if name == CAST or name in TRANSPARENT:
+            return args[0]
         if name in BINARY:
-            return [self.add(Node(BINARY[name], tuple(args)))]
+            return self.add(Node(BINARY[name], tuple(args)))
         if name in FUNCTIONS and (value := self.nodes[args[0]].value) is not None:
             with np.errstate(invalid="ignore"):  # what is not a number is refused as a constant
-                return [self.constant(FUNCTIONS[name](float(value)))]
+                return self.constant(FUNCTIONS[name](float(value)))
         if name in UNARY:
-            return [self.add(Node(UNARY[name], tuple(args)))]
-        if name in TRANSPARENT:
-            return args
+            return self.add(Node(UNARY[name], tuple(args)))
         if name == "div":
-            return [self.add(Node("mul", (args[0], self.inverse(args[1]))))]
+            return self.add(Node("mul", (args[0], self.inverse(args[1]))))
         if name == "square" or (name == "integer_pow" and equation.params["y"]):
             exponent = 2 if name == "square" else equation.params["y"]
             power = args[0]
             for _ in range(abs(exponent) - 1):
                 power = self.add(Node("mul", (power, args[0])))
-            return [power if exponent > 0 else self.inverse(power)]
+            return power if exponent > 0 else self.inverse(power)
         raise InputError(
             f"vehicle {self.vehicle}: no exact arithmetic for the operation {name!r}; "
             f"known are {', '.join(sorted({*BINARY, *UNARY, *POWERS}))}"

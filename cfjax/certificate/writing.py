@@ -1,6 +1,5 @@
 """certificate.json, written: the counterpart of `cfjax.check.document`."""
 
-import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -22,6 +21,7 @@ from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
 from cfjax.exact import exact_bounds, exact_course, write_pieces
 from cfjax.problem import Problem, Vehicle
+from cfjax.problem.vehicle import numbers_of
 
 
 def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
@@ -175,11 +175,9 @@ def _number(value: float) -> str:
 
 def exact_parameters(vehicle: Vehicle) -> dict[str, fmpq]:
     """The numbers among its fields."""
-    fields = dataclasses.fields(vehicle) if dataclasses.is_dataclass(vehicle) else ()
-    values = {field.name: getattr(vehicle, field.name) for field in fields}
     return {
         name: rational(float(value))
-        for name, value in values.items()
+        for name, value in numbers_of(vehicle).items()
         if isinstance(value, int | float) and not isinstance(value, bool)
     }
 

@@ -32,6 +32,7 @@ from cfjax.funnel import Funnel, Leg, Template
 from cfjax.funnel.funnel import require_fit
 from cfjax.problem import Interval, Problem, ReferencePoint, Tube, Vehicle, deviation_rate, feedforward
 from cfjax.problem.deviation import scalars
+from cfjax.problem.input_box import InputBox
 from cfjax.problem.vehicle import Scalar
 
 
@@ -109,8 +110,7 @@ def law_numbers(
         return None if interval is None else (np.float64(interval.lower), np.float64(interval.upper))
 
     return LawNumbers(
-        lower=np.array([interval.lower for interval in problem.inputs], float),
-        upper=np.array([interval.upper for interval in problem.inputs], float),
+        **InputBox.of(problem.inputs)._asdict(),
         shape=np.asarray(funnel.shape, float),
         rate=np.float64(funnel.rate),
         beta_lower=np.float64(funnel.beta_lower),

@@ -29,11 +29,11 @@ def transposed(a: Float[Array, "p q #k"]) -> Float[Array, "q p #k"]:
     return jnp.swapaxes(a, 0, 1)
 
 
-def applied(a: Float[Array, "p q #k"], x: Float[Array, "q #k"]) -> Float[Array, "p #k"]:
+def applied(a: Float[Array, "p q #k"], x: Float[Array, " q #k"]) -> Float[Array, " p #k"]:
     return sum((a[:, i] * x[i][None] for i in range(1, a.shape[1])), start=a[:, 0] * x[0][None])
 
 
-def dot(x: Float[Array, "q #k"], y: Float[Array, "q #k"]) -> Float[Array, " #k"]:
+def dot(x: Float[Array, " q #k"], y: Float[Array, " q #k"]) -> Float[Array, " #k"]:
     return sum((x[i] * y[i] for i in range(1, x.shape[0])), start=x[0] * y[0])
 
 
@@ -70,8 +70,8 @@ def without(h: Float[Array, "m m k"], held: Bool[Array, "m k"]) -> Float[Array, 
 
 
 def smallest_in_box(
-    h: Float[Array, "m m #k"], q: Float[Array, "m #k"], lower: Float[Array, "m #k"], upper: Float[Array, "m #k"]
-) -> tuple[Float[Array, "m #k"], Bool[Array, "m #k"]]:
+    h: Float[Array, "m m #k"], q: Float[Array, " m #k"], lower: Float[Array, " m #k"], upper: Float[Array, " m #k"]
+) -> tuple[Float[Array, " m #k"], Bool[Array, " m #k"]]:
     """A point d of the box with a low ½ dᵀHd + qᵀd, and which of its entries are held by the box.
 
     H is positive definite and 0 lies in the box. Projected Newton steps from 0 (Tassa, Mansard and Todorov 2014,

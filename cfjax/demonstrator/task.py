@@ -15,6 +15,8 @@ from cfjax.coerce import number, objects
 from cfjax.demonstrator.box import applied, dot, keep
 from cfjax.problem import Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
 from cfjax.problem.course import Pieces, point_at, profiles_of
+from cfjax.problem.input_box import InputBox
+from cfjax.problem.runge_kutta import runge_kutta
 from cfjax.problem.vehicle import Scalar
 
 
@@ -37,7 +39,7 @@ def weights_of(problem: Problem, effort: float = 0.1, terminal: float = 1.0) -> 
     """
     effort, terminal = number("effort", effort, least=0), number("terminal", terminal, "s", least=0)
     objects(problem=(problem, Problem))
-    half = np.array([interval.half for interval in problem.inputs])
+    half = InputBox.of(problem.inputs).half
     squares = np.divide(effort, half**2, out=np.zeros_like(half), where=half > 0)
     state = jnp.asarray(problem.inlet.shape)
     return Weights(state, jnp.asarray(np.diag(squares)), terminal * state)
@@ -93,12 +95,12 @@ def reference_of(problem: Problem) -> tuple[ReferencePoint | Pieces, float]:
 
 def task_of(problem: Problem, weights: Weights, step: float) -> Task:
     """The optimal-control problem of a path's deviations, in intervals of `step` (s)."""
-    reference, end = reference_of(problem)
+    (reference, end), box = reference_of(problem), InputBox.of(problem.inputs)
     return Task(
         reference,
         jnp.asarray(end, float),
-        jnp.array([interval.lower for interval in problem.inputs]),
-        jnp.array([interval.upper for interval in problem.inputs]),
+        jnp.asarray(box.lower),
+        jnp.asarray(box.upper),
         Weights(*(jnp.asarray(matrix, float) for matrix in weights)),
         jnp.asarray(step, float),
     )
@@ -121,7 +123,7 @@ def piece_of(task: Task, z: Float[Array, "z k"]) -> Array | int:
     return keep(task.reference.find(z[-1])) if isinstance(task.reference, Pieces) else 0
 
 
-def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, "m #k"]:
+def resting(vehicle: Vehicle, task: Task, z: Float[Array, "z k"], piece: Array | int) -> Float[Array, " m #k"]:
     """The feed-forward at z, inside the box; the same for all (k = 1) where the reference is one point."""
     inputs = feedforward(vehicle, point_of(task, z[-1], piece))
     return keep(jnp.clip(jnp.stack([jnp.atleast_1d(u) for u in inputs]), task.lower[:, None], task.upper[:, None]))
@@ -134,12 +136,8 @@ def advance(
     count = len(vehicle.state_names)
 
     def rate(z: Array) -> Array:
+        z = keep(z)
         rates = deviation_rate(vehicle, tuple(z[:count]), tuple(inputs), point_of(task, z[-1], piece))
         return keep(jnp.stack([*rates, inputs[0]] if task.moves else [*rates]))
 
-    h = task.step
-    first = rate(z)
-    second = rate(keep(z + 0.5 * h * first))
-    third = rate(keep(z + 0.5 * h * second))
-    fourth = rate(keep(z + h * third))
-    return keep(z + h / 6 * (first + 2 * (second + third) + fourth))
+    return keep(runge_kutta(rate, z, task.step))

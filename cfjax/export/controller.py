@@ -28,8 +28,8 @@ from cfjax.export.graph_c import dynamics, number, straight
 from cfjax.funnel import Template
 from cfjax.problem import Problem
 from cfjax.problem.course import poses_of, profiles_of
+from cfjax.problem.vehicle import numbers_of
 from cfjax.report.files import write_whole
-from cfjax.report.run_folder import numbers_of
 from cfjax.result import Result
 from cfjax.verdict import Verdict
 

@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import jax
 from flint import fmpq
 from jax.extend import core
 
-from cfjax.certificate.trace import CAST, NESTED, PROFILE_INPUTS, TRANSPARENT, trace_deviation
+from cfjax.certificate.trace import CAST, PROFILE_INPUTS, TRANSPARENT, interpreted, trace_deviation
 from cfjax.errors import InputError
 from cfjax.problem import Vehicle
 
@@ -201,39 +200,27 @@ def straight(function: Callable[..., Sequence], arguments: Sequence[str], target
         InputError: names the operation that C's library has not.
     """
     pool = Expressions()
-    closed = jax.make_jaxpr(lambda *scalars: [jax.numpy.asarray(v, float) for v in function(*scalars)])(
-        *(0.0 for _ in arguments)
-    )
-    values = _run(pool, closed.jaxpr, closed.consts, [pool.symbol(text) for text in arguments], owner)
+
+    def constant(value: Any) -> Expr:
+        return pool.constant(float(value))
+
+    def operation(equation: core.JaxprEqn, args: list[Expr]) -> Expr:
+        return _operation(pool, equation, args, owner)
+
+    values = interpreted(function, [pool.symbol(text) for text in arguments], constant, operation)
     return statements(targets, values)
 
 
-def _run(pool: Expressions, jaxpr: core.Jaxpr, consts: Sequence, arguments: Sequence[Expr], owner: str) -> list[Expr]:
-    where: dict[Any, Expr] = dict(zip(jaxpr.invars, arguments, strict=True))
-    where.update(zip(jaxpr.constvars, (pool.constant(float(value)) for value in consts), strict=True))
-
-    def read(atom: Any) -> Expr:
-        return pool.constant(float(atom.val)) if isinstance(atom, core.Literal) else where[atom]
-
-    for equation in jaxpr.eqns:
-        args = [read(atom) for atom in equation.invars]
-        where.update(zip(equation.outvars, _operation(pool, equation, args, owner), strict=True))
-    return [read(atom) for atom in jaxpr.outvars]
-
-
-def _operation(pool: Expressions, equation: Any, args: list[Expr], owner: str) -> list[Expr]:
+def _operation(pool: Expressions, equation: core.JaxprEqn, args: list[Expr], owner: str) -> Expr:
     name, parameters = equation.primitive.name, equation.params
-    if name in NESTED:
-        inner = parameters.get("jaxpr") or parameters["call_jaxpr"]
-        return _run(pool, inner.jaxpr, inner.consts, args, owner)
     if name in TRANSPARENT or (name == CAST and str(parameters["new_dtype"]) == "float64"):
-        return args
+        return args[0]
     if name in FORMS or name in LIBRARY:
-        return [pool.make(name, *args)]
+        return pool.make(name, *args)
     if name == "square" or (name == "integer_pow" and parameters["y"]):
         exponent = 2 if name == "square" else parameters["y"]
         power = args[0]
         for _ in range(abs(exponent) - 1):
             power = pool.make("mul", power, args[0])
-        return [power if exponent > 0 else pool.make("inv", power)]
+        return power if exponent > 0 else pool.make("inv", power)
     raise InputError(f"{owner}: no C for the operation {name!r}; known are {', '.join(sorted({*FORMS, *LIBRARY}))}")

@@ -17,6 +17,8 @@ from cfjax.falsifier.falsifier import require_question
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Path, Problem, ReferencePoint, Segment, Tube, Vehicle, deviation_rate
 from cfjax.problem.course import Pieces, point_at, profiles_of
+from cfjax.problem.input_box import InputBox
+from cfjax.problem.runge_kutta import runge_kutta
 
 
 STEPS = 64  # of the horizon, by RK4; between two of them V counts as linear
@@ -44,7 +46,7 @@ def first_escape(
     decrease_per_metre = number("decrease_per_metre", decrease_per_metre, "1/m")
     seed, trials = whole("seed", seed, 0), whole("trials", trials, KEPT)
     rng = np.random.default_rng(seed)
-    lower, upper = (np.array([getattr(box, end) for box in problem.inputs]) for end in ("lower", "upper"))
+    lower, upper = InputBox.of(problem.inputs)
     unit = np.linalg.inv(np.linalg.cholesky(funnel.shape)).T
     numbers = jnp.array([funnel.rate, funnel.beta_lower, decrease, decrease_per_metre])
     if isinstance(segment, Tube):
@@ -162,11 +164,7 @@ def _first_exit(
     """When V passes 1 (s), within STEPS steps of RK4 along the motion that `motion_from` gives for each; else inf."""
 
     def move(at: Array, _: None) -> tuple[Array, Array]:
-        motion = motion_from(at)
-        k1 = motion(at)
-        k2 = motion(at + step / 2 * k1)
-        k3 = motion(at + step / 2 * k2)
-        at = at + step / 6 * (k1 + 2 * k2 + 2 * k3 + motion(at + step * k3))
+        at = runge_kutta(motion_from(at), at, step)
         return at, value(at)
 
     _, values = jax.lax.scan(move, z, None, length=STEPS)

@@ -91,7 +91,7 @@ def decrease_margins(
         columns[0] = columns[0] + template.timing(rate, q)
         return drift, jnp.stack(columns)
 
-    half, middle = jnp.asarray(instance.input_half)[:, None], jnp.asarray(instance.input_middle)[:, None]
+    half, middle = jnp.asarray(instance.inputs.half)[:, None], jnp.asarray(instance.inputs.middle)[:, None]
 
     def group(references: ReferencePoint, nominal: ReferencePoint, unit: Array) -> Array:
         drift, columns = jax.vmap(affine)(references)

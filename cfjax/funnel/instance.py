@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from cfjax.funnel.template import Template
 from cfjax.problem import Path, Problem, ReferencePoint, Segment, Tube, disc_centres, distances, mirror_signs
+from cfjax.problem.input_box import InputBox
 from cfjax.problem.vehicle import Interval, Scalar
 
 
@@ -77,8 +78,7 @@ class Instance(NamedTuple):
     duration: Scalar  # T, s; 1 for a tube, which has no end, and whose rate is zero
     beta_lower: Scalar
     beta_inner: Scalar
-    input_middle: Array | np.ndarray  # (1 + m,), u0 first
-    input_half: Array | np.ndarray
+    inputs: InputBox
     inlet: Array | np.ndarray  # half-axes of I, one per state
     goal: Array | np.ndarray  # half-axes of G; where none is asked, how far a search begins to look
     starts: Scalar  # 1 where the funnel has to hold I at its start, else 0
@@ -168,8 +168,7 @@ def instance_of(
         duration=np.float64(duration),
         beta_lower=np.float64(beta_lower),
         beta_inner=np.float64(beta_lower if beta_inner is None else beta_inner),
-        input_middle=np.array([interval.middle for interval in problem.inputs]),
-        input_half=np.array([interval.half for interval in problem.inputs]),
+        inputs=InputBox.of(problem.inputs),
         inlet=np.array(problem.inlet.half_axes),
         goal=np.array(problem.goal.half_axes if problem.goal else FREE_REACH * np.array(problem.inlet.half_axes)),
         starts=np.float64(kind == kinds[0]),

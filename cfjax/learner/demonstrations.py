@@ -13,18 +13,13 @@ from cfjax.errors import InputError
 from cfjax.funnel import Template
 from cfjax.learner.witnesses import dynamics
 from cfjax.problem import Problem
+from cfjax.problem.input_box import InputBox
 
 
 ZERO = 1e-9  # authority, relative to the largest, below which an input has none
 OUTSIDE = 1e-9  # relative, by which a demonstrated input may leave its interval: rounding, taken back
 
 Demonstrate = Callable[[Float[np.ndarray, " k"], Float[np.ndarray, "k n"]], Float[np.ndarray, "k m"]]
-
-
-def middle_and_half(problem: Problem) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Of the box of (u0, u)."""
-    middle = np.array([interval.middle for interval in problem.inputs])
-    return middle, np.array([interval.half for interval in problem.inputs])
 
 
 def demonstrated(
@@ -35,7 +30,8 @@ def demonstrated(
     Raises:
         InputError: for demonstrations that are no inputs.
     """
-    middle, half = middle_and_half(problem)
+    box = InputBox.of(problem.inputs)
+    middle, half = box.middle, box.half
     inputs, shape = np.asarray(demonstrate(theta, x), float), (len(theta), len(middle))
     if not np.isfinite(inputs).all():
         raise InputError(f"demonstrator: expected finite inputs, got {np.sum(~np.isfinite(inputs))} that are not")
@@ -70,9 +66,9 @@ def vertices(
     columns: Float[np.ndarray, "k n m"],
 ) -> Float[np.ndarray, "k m"]:
     """As `best_vertices`, where the columns of the inputs at x are known."""
-    middle, half = middle_and_half(problem)
     slopes = 2 * x @ shape
     authority = np.einsum("ki,kij->kj", slopes, columns)
     authority[:, 0] += np.asarray(template.timing(rate, np.einsum("ki,ij,kj->k", x, shape, x)))
     largest = np.einsum("ki,kij->kj", np.abs(slopes), np.abs(columns)) + 1e-300
-    return middle - half * np.where(np.abs(authority) > ZERO * largest, np.sign(authority), 0.0)
+    downwards = np.where(np.abs(authority) > ZERO * largest, -authority, 0.0)
+    return InputBox.of(problem.inputs).extreme_point(downwards)

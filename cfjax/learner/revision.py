@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from cfjax.learner.centre import Polytope, largest_ball
 from cfjax.learner.coefficients import Coordinates
-from cfjax.learner.demonstrations import middle_and_half
 from cfjax.learner.witnesses import Witnesses, decrease, with_one
 from cfjax.problem import Problem
+from cfjax.problem.input_box import InputBox
 
 
 TURNS, WORTH = 30, 1e-4  # of all inputs in a row, at most; and by how much the ball has to grow each time
@@ -47,8 +47,9 @@ def revised(
 
 
 def _grid(problem: Problem) -> Float[np.ndarray, "g m"]:
-    middle, half = middle_and_half(problem)
-    return middle + half * np.array(list(itertools.product(*(LEVELS if width else (0.0,) for width in half))))
+    box = InputBox.of(problem.inputs)
+    levels = (LEVELS if width else (0.0,) for width in box.half)
+    return box.middle + box.half * np.array(list(itertools.product(*levels)))
 
 
 def _roomiest(

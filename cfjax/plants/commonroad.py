@@ -15,6 +15,7 @@ from cfjax.errors import InputError
 from cfjax.plants.host import HostPlant, extra, fits
 from cfjax.plants.plant import bicycle
 from cfjax.problem import Vehicle
+from cfjax.problem.runge_kutta import runge_kutta
 
 
 STEP = 2e-3  # s: wheels and tyre deflection are stiff
@@ -60,10 +61,7 @@ class CommonRoad(HostPlant):
             return np.array(self._dynamics(z.tolist(), [(wanted - z[2]) / self.lag, thrust], self._car))
 
         for _ in range(count):
-            k1 = rate(own)
-            k2 = rate(own + 0.5 * h * k1)
-            k3 = rate(own + 0.5 * h * k2)
-            own = own + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(own + h * k3))
+            own = runge_kutta(rate, own, h)
         return own
 
     def observe(self, own: Any) -> Float[np.ndarray, " n"]:

@@ -12,7 +12,7 @@ into the expression graph on which a proof is built.
 
 import abc
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -237,3 +237,8 @@ def _steering(tangent: float) -> str:
     if tangent < 90:
         told += f"; {tangent:g} degrees have the tangent {math.tan(math.radians(tangent)):.4g}"
     return told
+
+
+def numbers_of(vehicle: Vehicle) -> dict[str, Any]:
+    """A vehicle's own numbers by name, where it is a dataclass."""
+    return {field.name: getattr(vehicle, field.name) for field in fields(vehicle)} if is_dataclass(vehicle) else {}

@@ -9,7 +9,6 @@ from cfjax.conf import Config, CustomConfig, own_vehicle
 from cfjax.errors import InputError
 from cfjax.problem import Problem, Vehicle
 from cfjax.report.files import CERTIFICATE, read_json
-from cfjax.report.run_folder import read_config
 
 
 def named_vehicle(folder: Path, config: Config, target: str | None) -> Vehicle | None:
@@ -38,11 +37,11 @@ def speaks_of(document: dict[str, Any], vehicle: Vehicle) -> bool:
     return all(problem.get("vehicle") == wanted for problem in told)
 
 
-def is_proven_of(folder: Path, problem: Problem) -> bool:
-    """Whether the run's certificate speaks of the problem's vehicle, as it is now.
+def is_proven_of(folder: Path, config: Config, problem: Problem) -> bool:
+    """Whether the certificate of a run of this configuration speaks of the problem's vehicle, as it is now.
 
     A vehicle of the package is named by its configuration; a class of the user's own may have changed since the run.
     """
-    if not isinstance(read_config(folder).vehicle, CustomConfig):
+    if not isinstance(config.vehicle, CustomConfig):
         return True
     return (folder / CERTIFICATE).exists() and speaks_of(read_json(folder / CERTIFICATE), problem.vehicle)

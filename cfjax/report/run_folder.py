@@ -41,7 +41,8 @@ from cfjax.errors import InputError, NotWritten
 from cfjax.exact import tube_within
 from cfjax.funnel import Funnel, template_named
 from cfjax.options import Progress
-from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube, Vehicle
+from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube
+from cfjax.problem.vehicle import numbers_of
 from cfjax.report.files import (
     CERTIFICATE,
     CONFIG,
@@ -492,12 +493,6 @@ def _top_speed(segment: Segment) -> float:
 
 def _number(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
-
-
-def numbers_of(vehicle: Vehicle) -> dict[str, Any]:
-    """A vehicle's own numbers, where it is a dataclass."""
-    fields = dataclasses.fields(vehicle) if dataclasses.is_dataclass(vehicle) else ()
-    return {field.name: getattr(vehicle, field.name) for field in fields}
 
 
 def read_run(folder: Path, vehicle: str | None = None) -> Result:

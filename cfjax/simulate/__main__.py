@@ -94,8 +94,8 @@ def _main(options: argparse.Namespace) -> int:
     prepare_environment()
 
     from cfjax.errors import InputError
-    from cfjax.report.simulation import print_summary, write_simulation
     from cfjax.simulate.experiment import ask, run_experiment
+    from cfjax.simulate.report import print_summary, write_simulation
 
     output = options.out or options.folder / "simulation"
     try:

@@ -6,7 +6,6 @@ What a step does not know is where the reference comes from: along a path it is 
 
 from collections.abc import Callable
 from functools import partial
-from itertools import product
 from typing import NamedTuple
 
 import jax
@@ -17,6 +16,7 @@ from jaxtyping import Array, Float
 from cfjax.control import Law, LawNumbers
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Ellipsoid, Problem, ReferencePoint, Vehicle, affine_along, deviation_rate
+from cfjax.problem.input_box import InputBox
 
 
 RK4_NODES = (0.0, 0.5, 0.5, 1.0)
@@ -83,9 +83,8 @@ def fastest(problem: Problem, funnel: Funnel, points: Float[np.ndarray, "k 4"]) 
     References are rows of a `ReferencePoint`.
     √V changes by at most so much per second there: it says how fine steps have to be, in parts of the funnel.
     """
-    corners = np.array(list(product(*((box.lower, box.upper) for box in problem.inputs))))
     drift, columns = affine_along(problem.vehicle, points)
-    rates = drift[:, None, :] + corners @ np.swapaxes(columns, 1, 2)
+    rates = drift[:, None, :] + InputBox.of(problem.inputs).vertices @ np.swapaxes(columns, 1, 2)
     return np.sqrt(funnel.form(rates).max(axis=1))
 
 

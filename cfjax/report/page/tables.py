@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cfjax.problem import Disc
+from cfjax.problem.vehicle import numbers_of
 from cfjax.report.rounded import MILLI, margin_text, rounded_down, rounded_up, written
-from cfjax.report.run_folder import numbers_of
 from cfjax.report.terms import input_label, short_label
 from cfjax.result import Result
 from cfjax.verdict import Verdict

@@ -23,19 +23,19 @@ from cfjax.report.plane import Plane
 from cfjax.report.rounded import MILLI, rounded_down
 from cfjax.report.style import CAR_COLOURS, REFERENCE_COLOUR, STYLE, draw_shell
 from cfjax.result import Result
+from cfjax.simulate.experiment import Experiment
 from cfjax.simulation.sampled import SampledLoop
 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from cfjax.simulate.experiment import Experiment
 
 SUMMARY, CARS, PICTURE, ANIMATION = "summary.json", "cars.csv", "simulation.png", "simulation.gif"
 WIDTH, TALLEST = 9.2, 5.4  # of the picture, in
 
 
-def write_simulation(experiment: "Experiment", loop: SampledLoop, folder: Path, *, animate: bool = False) -> None:
+def write_simulation(experiment: Experiment, loop: SampledLoop, folder: Path, *, animate: bool = False) -> None:
     """Write summary.json, cars.csv and simulation.png into the folder, and simulation.gif; each whole or not at all."""
     content = summary_json(experiment, loop)
     write_whole(folder / SUMMARY, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
@@ -51,7 +51,7 @@ def write_simulation(experiment: "Experiment", loop: SampledLoop, folder: Path, 
             (folder / ANIMATION).unlink(missing_ok=True)  # of another simulation
 
 
-def summary_json(experiment: "Experiment", loop: SampledLoop) -> dict[str, Any]:
+def summary_json(experiment: Experiment, loop: SampledLoop) -> dict[str, Any]:
     """Times in s, lengths in m; null where there is no such figure."""
     question = dataclasses.asdict(experiment.question)
     commands = experiment.problem.vehicle.command_names
@@ -91,7 +91,7 @@ def _spread(values: np.ndarray) -> dict[str, float] | None:
     }
 
 
-def cars_csv(experiment: "Experiment", loop: SampledLoop) -> str:
+def cars_csv(experiment: Experiment, loop: SampledLoop) -> str:
     """A row for each car, full precision: its start (world frame), what became of it, and the figures."""
     vehicle = experiment.problem.vehicle
     file = io.StringIO()
@@ -112,7 +112,7 @@ def _cell(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else ""
 
 
-def print_summary(experiment: "Experiment", loop: SampledLoop) -> None:
+def print_summary(experiment: Experiment, loop: SampledLoop) -> None:
     """A table for people."""
     content = summary_json(experiment, loop)
     table = Table(title=title_of(experiment, loop), title_justify="left", show_header=True, header_style="bold")
@@ -142,7 +142,7 @@ def print_summary(experiment: "Experiment", loop: SampledLoop) -> None:
         print(f"the law {experiment.question.law} does not inherit the certificate")
 
 
-def account_of_period(experiment: "Experiment") -> str | None:
+def account_of_period(experiment: Experiment) -> str | None:
     """What the proven control period says of these cars; None where none is proven of this law.
 
     It is proven of the model whose state is seen exactly and at once, and of nothing else that can be driven.
@@ -159,7 +159,7 @@ def account_of_period(experiment: "Experiment") -> str | None:
     return begin + f"within the proven {proven}"
 
 
-def _is_the_model(experiment: "Experiment") -> bool:
+def _is_the_model(experiment: Experiment) -> bool:
     plant = experiment.plant
     exact = not any(np.any(np.asarray(number)) for number in jax.tree.leaves(experiment.sensor))
     return exact and isinstance(plant, Model) and plant.vehicle == experiment.problem.vehicle
@@ -168,7 +168,7 @@ def _is_the_model(experiment: "Experiment") -> bool:
 COUNTS = ("arrived", "of them in G", "left S", "left the funnel", "failed")
 
 
-def title_of(experiment: "Experiment", loop: SampledLoop) -> str:
+def title_of(experiment: Experiment, loop: SampledLoop) -> str:
     question = experiment.question
     noise = "" if question.noise == "none" else f", noise {question.noise}"
     return (
