@@ -268,7 +268,7 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
 
 
 def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = MinNorm()) -> None:
-    """Compile what `drive_cars` will ask for, once the funnels of all segments are known; any will do for that."""
+    """Compile what `drive_cars` and `inputs_along` ask for once all segments have funnels; any will do for that."""
     shape = np.diag(1 / np.array(problem.inlet.half_axes) ** 2)
     ends = np.cumsum([segment.duration for segment in problem.path.curve])
     legs = [
@@ -277,6 +277,7 @@ def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = 
     ]
     asked = _asked(problem, legs, cars, 0, law)
     asked.program.prepare(*asked.arguments)
+    inputs_along(problem, legs, np.zeros((1, 1)), np.zeros((1, 1, problem.dimension)), law)
 
 
 def drive_cars(

@@ -37,6 +37,7 @@ CUTS = 64  # a piece longer than this part of the path is cut, so that a tube ca
 LEVEL_SLACKS = (1e-9, 1e-6, 1e-3)  # below the largest level, which lies on the edge of what exact arithmetic confirms
 DISTANCE_SLACK = 1e-9  # a choice in floating point keeps off the exact condition
 SHOWN_DIGITS = 6
+MOST_LINES = 6  # about tubes, that are printed
 CHANGE_COST = 1e-9  # relative to the whole path: of two chains equally wide the one with fewer links
 
 
@@ -121,7 +122,7 @@ class Following:
         )
 
     def describe(self) -> str:
-        """Some lines for people."""
+        """At most ten lines for people, however long the path is."""
         length = float(self.reference.length)
         ending = "a lap" if self.closed else "the end"
         earliest, latest = self.arrival
@@ -129,15 +130,23 @@ class Following:
             f"path {self.path.name}: {length:.6g} m{', closed' if self.closed else ''}, "
             f"{ending} after {_shown(earliest, ROUND_FLOOR)} to {_shown(latest)} s"
         ]
-        for segment, start, end, tube in self.tubes:
+        runs = [list(run) for _, run in itertools.groupby(self.tubes, key=lambda stretch: stretch.tube.name)]
+        for run in runs[:MOST_LINES]:
+            first, last = run[0], run[-1]
+            width = _shown(_float_above(sqrt_upper(first.tube.inverse[1, 1])))
             lines.append(
-                f"  segment {segment}, theta {start:.6g} to {end:.6g} s: tube {tube.name}, "
-                f"lateral half-width {_shown(_float_above(sqrt_upper(tube.inverse[1, 1])))} m"
+                f"  theta = {first.start:.6g} s of segment {first.segment} to {last.end:.6g} s of segment "
+                f"{last.segment}: tube {first.tube.name}, lateral half-width {width} m"
             )
-        for link in self.links:
+        if len(runs) > MOST_LINES:
+            lines.append(f"  and {len(runs) - MOST_LINES} more tubes")
+        if self.links:
+            least = min(self.links, key=lambda link: link.available - link.needed)
             lines.append(
-                f"  {link.first.name} -> {link.second.name} at theta = {link.theta:.6g} s of segment {link.segment}: "
-                f"V <= {_shown(link.level)} after {_shown(link.needed)} m, has {_shown(link.available, ROUND_FLOOR)} m"
+                f"  {len(self.links)} {'change' if len(self.links) == 1 else 'changes'}, with least to spare "
+                f"{least.first.name} -> {least.second.name} at theta = {least.theta:.6g} s of segment {least.segment}: "
+                f"V <= {_shown(least.level)} after {_shown(least.needed)} m, "
+                f"has {_shown(least.available, ROUND_FLOOR)} m"
             )
         lines.append("  holds for ever" if self.closed else f"  arrives with V <= {_shown(self.end_level)}")
         return "\n".join(lines)
