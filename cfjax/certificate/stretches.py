@@ -64,7 +64,7 @@ class RoundedFunnel:
     beta_inner: fmpq
 
     def claim(self, margin: fmpq = fmpq(0), margin_per_metre: fmpq | None = None) -> FunnelClaim:
-        """What a file says of it."""
+        """What a file says of it; with a margin of 0 all but its margin."""
         return FunnelClaim(self.level, self.shape, self.beta_lower, self.beta_inner, margin, margin_per_metre)
 
 

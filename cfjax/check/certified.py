@@ -66,6 +66,8 @@ class CertifiedTube:
         for label, (lower, upper) in self.bounds.intervals.items():
             if not lower <= upper:
                 raise ValueError(f"tube {self.name}: expected an interval of {label}, lower end first")
+        if self.bounds.curvature_rate is not None:  # of pieces, not of joints, could anybody say that they keep it
+            raise ValueError(f"tube {self.name}: expected a curvature that may jump, got bounds of its rate")
         if not self.bounds.speed[0] > 0:
             raise ValueError(f"tube {self.name}: expected speeds above zero, got {about(self.bounds.speed[0])}")
         if len(self.shape) != len(self.states) or not is_positive_definite(self.shape):

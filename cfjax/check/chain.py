@@ -17,7 +17,7 @@ from flint import fmpq
 
 from cfjax.check.bounds import Bounds
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
-from cfjax.check.containment import STILL, Asked, broken_containments
+from cfjax.check.containment import Asked, broken_containments
 from cfjax.check.document import (
     FORMAT,
     MOST_PARAMETERS,
@@ -30,6 +30,7 @@ from cfjax.check.document import (
     read_reference,
 )
 from cfjax.check.handover import ProvenLink, Run, prove_chain
+from cfjax.check.level import STILL
 from cfjax.check.meaning import described, require_path
 from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.reader import Broken, Item, Unreadable

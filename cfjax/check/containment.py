@@ -20,7 +20,6 @@ from cfjax.check.rational import is_positive_definite, pi_lower, sqrt_upper
 
 
 HEADING = "alpha"
-STILL = fmpq(1), fmpq(1)  # ρ of a funnel whose level does not change
 
 
 class Asked(NamedTuple):

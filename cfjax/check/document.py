@@ -418,7 +418,7 @@ def _bounds(entries: Sequence[Item]) -> Bounds:
         found.append((lower, upper))
     if not found[BOUNDS.index("speed")][0] > 0:
         entries[BOUNDS.index("speed")].refuse("speeds above zero")
-    return Bounds(*found)
+    return Bounds(**dict(zip((*BOUNDS, CURVATURE_RATE), found, strict=False)))
 
 
 def _funnel(item: Item, size: int) -> FunnelClaim:

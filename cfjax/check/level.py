@@ -6,8 +6,9 @@ With the quadratic form q = xᵀ C x of the deviation and a rate (1/s) the funne
     paper        V = q + c0 θ         ρ(θ) = 1 − c0 θ
     contracting  V = e^{kθ} q         ρ(θ) = e^{−kθ}
 
-V̇ = σ (q̇ + timing(q) u0) with σ = 1 and timing = c0, or σ = 1/ρ and timing = k q. Where ρ is not rational, rationals
-below and above it stand for it.
+V̇ = σ (q̇ + timing(q) u0) with σ = 1 and timing = c0, or σ = 1/ρ and timing = k q. That V falls at λ on the shell, and
+at λ V/β̲ below it, is −(q̇ + timing u0) ≥ λ drop with drop = min(1, V/β̲)/σ. Where ρ is not rational, rationals below
+and above it stand for it.
 """
 
 import abc
@@ -20,14 +21,18 @@ from cfjax.check.bounds import Range
 from cfjax.check.rational import exp_bounds, sqrt_upper
 
 
+Affine = tuple[fmpq, fmpq]  # constant and slope, of a function of q
+STILL: Range = fmpq(1), fmpq(1)  # ρ of a funnel whose level does not change
+
+
 @dataclass(frozen=True)
 class LevelPiece:
-    """A range of q = xᵀ C x and, on it, timing(q) and drop(q) as affine functions (constant, slope)."""
+    """A range of q = xᵀ C x and, on it, timing(q) and drop(q)."""
 
     lower: fmpq
     upper: fmpq
-    timing: tuple[fmpq, fmpq]
-    drop: tuple[fmpq, fmpq]
+    timing: Affine
+    drop: Affine
 
     def timing_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
         return self.timing[0] + self.timing[1] * q
@@ -51,7 +56,7 @@ class Level(abc.ABC):
 
     @abc.abstractmethod
     def form_bounds(self, value: fmpq, theta: fmpq) -> Range:
-        """Rationals below and above the q at which V = value at θ (s)."""
+        """Rationals below and above the q at which V = value ≥ 0 at θ (s)."""
 
     def bounds(self, theta: fmpq) -> Range:
         """Rationals below and above ρ(θ)."""
@@ -72,17 +77,19 @@ class Level(abc.ABC):
 
     @abc.abstractmethod
     def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
-        """V is a part that grows with q, q itself or q/ρ, and one of θ alone: the root of the first and its share of q.
+        """Upper bounds of √(s q) on V ≤ 1 and of s, where V is s q and a part of θ alone: s = 1, or s = 1/ρ.
 
-        Upper bounds of both, where `least` and `peak` are below and above all ρ that are spoken of.
+        `peak` is at least every ρ that is spoken of, and `least` at most every 1/σ.
         """
 
     @abc.abstractmethod
     def inside(self, span: Range) -> list[LevelPiece]:
-        """Ranges of q that cover V ≤ 1 on a stretch of θ; `drop` is at most 1/σ there."""
+        """Ranges of q that cover V ≤ 1 on a stretch of θ; `drop` is at most 1/σ there, so that V̇ is not underrated."""
 
     def shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
         """The shell β_in ≤ V ≤ 1 on a stretch of θ, θ itself eliminated: ranges of q that cover it; β_in ≤ β̲.
+
+        `drop` is at least what is asked at any θ of the stretch.
 
         Raises:
             ValueError: where the shell would hold the reference itself (q = 0).
@@ -157,7 +164,7 @@ class Contracting(Level):
         return _in_two(beta_inner * least, beta_lower * peak, peak, (zero, self.rate), rising, flat)
 
 
-def _in_two(start: fmpq, kink: fmpq, peak: fmpq, timing: Range, rising: Range, flat: Range) -> list[LevelPiece]:
+def _in_two(start: fmpq, kink: fmpq, peak: fmpq, timing: Affine, rising: Affine, flat: Affine) -> list[LevelPiece]:
     """The shell's ranges of q: `rising` drop up to the kink, if it begins below that, a `flat` one from there on."""
     outer = LevelPiece(kink, peak, timing, flat)
     return [LevelPiece(start, kink, timing, rising), outer] if start < kink else [outer]

@@ -51,7 +51,10 @@ Along = TypeVar("Along", bound=SegmentClaim | Bounds, covariant=True)
 
 @dataclass(frozen=True)
 class LegClaim(Generic[Along]):
-    """A funnel along a segment or, wherever it lies, within bounds; `dynamics` are those of the problem's vehicle."""
+    """A funnel along a segment or, wherever it lies, within bounds: `along`, whatever course the problem has.
+
+    `dynamics` are those of the problem's vehicle, put into symbols once.
+    """
 
     problem: ProblemClaim
     dynamics: Symbolic

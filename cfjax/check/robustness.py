@@ -374,8 +374,8 @@ def tube_rates(leg: LegClaim[Bounds], band: Range, inner: fmpq, hints: Sequence[
 def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, inner: fmpq) -> Rates:
     """The largest of the bounds on all ranges of levels."""
     states = range(len(found[0].slopes))
-    levels = min(sizes.least_level for sizes in found), max(sizes.level for sizes in found)
-    widest, scale = funnel.level.deviation_scale(*levels)
+    least, peak = min(sizes.least_drop for sizes in found), max(sizes.level for sizes in found)
+    widest, scale = funnel.level.deviation_scale(least, peak)
     norms = tuple(sqrt_upper(scale * funnel.shape[i][i]) for i in states)
     slopes = tuple(max(sizes.slopes[i] for sizes in found) for i in states)
     speeds = tuple(max(sizes.speeds[i] for sizes in found) for i in states)
@@ -395,8 +395,8 @@ def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, in
 class _Sizes(NamedTuple):
     """What is proven on one range of levels of a stretch."""
 
-    level: fmpq
-    least_level: fmpq
+    level: fmpq  # the largest q
+    least_drop: fmpq  # at most every 1/σ
     rise: fmpq  # V̇
     bend: fmpq  # V̈
     slopes: tuple[fmpq, ...]  # |∂V̇/∂x_i|
@@ -406,7 +406,7 @@ class _Sizes(NamedTuple):
 
     def gain(self, name: str) -> fmpq:
         """|∂V̇/∂(parameter of the reference)|."""
-        return self.terms.gain(name) / self.least_level
+        return self.terms.gain(name) / self.least_drop
 
 
 class References(NamedTuple):
@@ -520,7 +520,7 @@ def _prove_sizes(
     own = abs(piece.timing[1]) * motion.parameters[TIMING][1] * swiftness
     return _Sizes(
         level=piece.upper,
-        least_level=piece.least_drop,
+        least_drop=piece.least_drop,
         rise=margins[1],
         bend=margins[2],
         slopes=tuple(slopes),
@@ -531,7 +531,7 @@ def _prove_sizes(
 
 
 def reference_box(parts: Sequence[Piece]) -> References:
-    """What the dynamics see of the pieces: by Bernstein."""
+    """What the dynamics see of the pieces, and how fast it changes: by Bernstein."""
     box: dict[str, Range] = {}
     slopes: dict[str, fmpq] = {}
     for part in parts:

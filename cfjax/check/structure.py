@@ -15,11 +15,11 @@ x, with G = ∇V · g(x) and H = ∇V · h(x):
 
 So it is enough that for each pair of ends of κ and a and each x there is one input u(x) with V̇ ≤ −m at both ends of v.
 
-A stretch of a path whose curvature does not jump has bounds of κ' = dκ/dθ too. Then it is enough that f is affine in
-each of κ, v, a and κ' by itself, ω' being κ' v + κ a: so is V̇ at fixed x and u, and one input u(x) that does at all
-vertices of the box does everywhere in it. This is what is left to a vehicle whose states beside the pose
-change with curvature, as a steering angle does: that form is no (*). It costs more, as one input has to do for all
-references, and the box is to be small: stretches are short.
+A stretch of a path whose curvature does not jump has bounds of κ' = dκ/dθ too (`Bounds.curvature_rate`). Then it is
+enough that f is affine in each of κ, v, a and κ' by itself, ω' being κ' v + κ a: so is V̇ at fixed x and u, and one
+input u(x) that does at all vertices of the box does everywhere in it. This is what is left to a vehicle whose states
+beside the pose change with curvature, as a steering angle does: that form is no (*). It costs more, as one input has to
+do for all references, and the box is to be small: stretches are short.
 
 If moreover dynamics of the form (*) have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal
 matrices M and N of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of

@@ -14,8 +14,9 @@ from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
 from cfjax.check import Outcome, check_document
 from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
-from cfjax.check.containment import STILL, Asked, broken_containments
+from cfjax.check.containment import Asked, broken_containments
 from cfjax.check.document import MOST_PIECES
+from cfjax.check.level import STILL
 from cfjax.check.rational import float_below
 from cfjax.check.reference import Reference
 from cfjax.check.vehicle import STATES

@@ -83,6 +83,7 @@ def test_a_chain_is_proven_link_by_link() -> None:
     [
         ({"within": bounds(acceleration=(ONE, -ONE))}, "interval of acceleration"),
         ({"within": bounds(speed=(ZERO, ONE))}, "speeds above zero"),
+        ({"within": dataclasses.replace(bounds(), curvature_rate=(ZERO, ZERO))}, "curvature that may jump"),
         ({"shape": [[ONE] * 4] * 4}, "positive definite"),
         ({"shape": [[ONE]]}, "positive definite"),
         ({"beta_inner": fmpq(1, 2)}, "beta_inner"),
