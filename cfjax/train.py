@@ -388,6 +388,7 @@ def summary(result: "Result", objective: "Objective") -> str:
     lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}"]
     if result.margin_certified is None:  # otherwise it is the checker's whole account, and stands in result.json
         lines.append(result.message)
+        lines.append("what helps, the cheapest first: docs/not-certified.md")
     if result.margin_falsified is not None:
         margin = result.margin_certified
         proven = "nothing proven" if margin is None else f"{margin_text(margin)} 1/s proven"

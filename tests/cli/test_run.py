@@ -287,6 +287,14 @@ def test_summary_says_whether_the_objective_was_reached(hand_made: Callable[...,
     assert "inlet 0.5 in alpha; funnel's half-widths alpha 0.4" in said
 
 
+def test_who_has_no_proof_is_told_what_helps(hand_made: Callable[..., Result]) -> None:
+    problem = problem_of(preset("circle"))
+    page = "docs/not-certified.md"
+    assert page in cfjax.train.summary(hand_made(problem), Objective())
+    assert page not in cfjax.train.summary(hand_made(problem, margin=0.3, verdict=Verdict.CERTIFIED), Objective())
+    assert (Path(__file__).parents[2] / page).exists()
+
+
 def test_an_unproven_tube_is_written_and_read(
     train: Callable[..., int], quick: None, capfd: pytest.CaptureFixture[str]
 ) -> None:
