@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 from threading import Thread
 
-from cfjax.certificate import held_shape
+from cfjax.certificate.robustness import held_shape
 from cfjax.funnel import template_named
 from cfjax.options import Options
 from cfjax.problem import Problem
-from cfjax.simulation import prepare_cars
+from cfjax.simulation.rollout import prepare_cars
 from cfjax.solver import solver_named
 from cfjax.solver.program import Shape
 

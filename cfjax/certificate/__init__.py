@@ -3,7 +3,7 @@
 from cfjax.certificate.certifier import Certification, Statement, certify, statement_of
 from cfjax.certificate.posed import require_posable
 from cfjax.certificate.refuter import refute
-from cfjax.certificate.robustness import held_shape, robustness_of
+from cfjax.certificate.robustness import robustness_of
 from cfjax.certificate.size import proof_size, require_room
 from cfjax.certificate.writing import dump
 
@@ -13,7 +13,6 @@ __all__ = [
     "Statement",
     "certify",
     "dump",
-    "held_shape",
     "proof_size",
     "refute",
     "require_posable",

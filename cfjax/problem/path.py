@@ -23,6 +23,8 @@ from cfjax.problem.vehicle import Interval, interval
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
+SHORTEST, LONGEST = 1e-6, 1e8  # m: a path's lengths and radii lie between
+SLOWEST = 1e-6  # m/s
 MEETS = 1e-9  # rad, m and m/s: what is left of them in floating point where one stretch joins another
 
 
@@ -250,16 +252,20 @@ def _course(segment: Segment | Tube) -> object:
 
 
 def length_of(label: str, value: object) -> float:
-    """A length of a path's, m; raises InputError unless it is positive."""
-    return number(f"path.{label}", value, "m", above=0)
+    """A length of a path's, m; raises InputError unless it is one on Earth."""
+    return _within(f"path.{label}", number(f"path.{label}", value, "m", above=0), "m", SHORTEST, LONGEST)
 
 
 def speed_of(value: object) -> float:
     """A path's constant speed, m/s; raises InputError unless it is one of a vehicle."""
-    speed = number("path.speed", value, "m/s", above=0)
-    if speed > FASTEST:
-        raise InputError(f"path.speed: expected m/s, at most {FASTEST:g}, got {speed:g}")
-    return speed
+    return _within("path.speed", number("path.speed", value, "m/s", above=0), "m/s", SLOWEST, FASTEST)
+
+
+def _within(name: str, value: float, unit: str, least: float, most: float) -> float:
+    if not least <= value <= most:
+        end = f"at least {least:g}" if value < least else f"at most {most:g}"
+        raise InputError(f"{name}: expected {unit}, {end}, got {value:g}")
+    return value
 
 
 def straight(length: Number = 4.0, speed: Number = 2.0) -> Path:

@@ -288,10 +288,29 @@ def test_ripples_of_speed_too_small_to_see_are_still_accelerations() -> None:
     assert np.abs(v(theta, 1) - speed(arc) * speed(arc, 1)).max() < 0.03 * 0.024  # of the largest, m/s²
 
 
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: ellipse(1e200, 1e200), r"path\.a: expected m, at most 1e\+08"),
+        (lambda: oval(1e-320), r"path\.speed: expected m/s, at least 1e-06"),
+        (lambda: figure_eight(1e-200), r"path\.size: expected m, at least 1e-06"),
+        (lambda: slalom(length=1e-237), r"path\.length: expected m, at least 1e-06"),  # was an OverflowError
+    ],
+)
+def test_numbers_of_no_path_are_refused(make: Callable[[], Path], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        make()
+
+
 def test_numbers_that_overflow_are_refused_soon() -> None:
-    for make in (lambda: ellipse(1e200, 1e200), lambda: oval(1e-320), lambda: figure_eight(1e-200)):
-        with pytest.raises(InputError, match="not smooth enough"):
-            make()
+    curve = Curve(
+        lambda u: 1e200 * np.exp(1j * u),
+        lambda u: 1e200j * np.exp(1j * u),
+        lambda u: -1e200 * np.exp(1j * u),
+        (0.0, 1.0),
+    )
+    with pytest.raises(InputError, match="not smooth enough"):
+        path_along("huge", curve, 1.0)
 
 
 def test_a_corner_is_no_reference() -> None:
