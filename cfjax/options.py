@@ -9,6 +9,7 @@ from cfjax.errors import InputError
 from cfjax.funnel import Objective
 from cfjax.funnel.levels import inner_level
 from cfjax.solver import DEFAULT, SOLVERS
+from cfjax.solver.cost import MOST_MEMORY
 
 
 CERTIFICATES = ("auto", "segment", "tube")
@@ -64,7 +65,7 @@ class ProofLimits:
     hours: float = 12.0
 
     def __post_init__(self) -> None:
-        memory = None if self.memory is None else number("proof.memory", self.memory, "GB", above=0)
+        memory = None if self.memory is None else number("proof.memory", self.memory, "GB", above=0, most=MOST_MEMORY)
         keep(self, memory=memory, hours=number("proof.hours", self.hours, "h", above=0))
 
 

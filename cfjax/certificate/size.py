@@ -21,7 +21,7 @@ from cfjax.funnel import Template
 from cfjax.funnel.levels import inner_level
 from cfjax.problem import Problem, Tube
 from cfjax.solver import DEFAULT, SOLVERS
-from cfjax.solver.cost import available_memory, cost_of
+from cfjax.solver.cost import MOST_MEMORY, available_memory, cost_of
 from cfjax.solver.program import Shape
 
 
@@ -120,7 +120,7 @@ def require_room(size: ProofSize, memory: float | None, hours: float, cores: int
         InputError: one program alone needs more memory, or all of them more time.
     """
     objects(size=(size, ProofSize))
-    memory = None if memory is None else number("proof.memory", memory, "GB", above=0)
+    memory = None if memory is None else number("proof.memory", memory, "GB", above=0, most=MOST_MEMORY)
     hours, cores = number("proof.hours", hours, "h", above=0), whole("cores", cores, 1)
     room = available_memory() if memory is None else GB * memory
     whose = "which is free here" if memory is None else "as proof.memory says"

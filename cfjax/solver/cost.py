@@ -22,6 +22,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 
+MOST_MEMORY = 1e9  # GB: no machine has so much
+
+
 class Cost(NamedTuple):
     """Of one program: bytes, and seconds on one core."""
 

@@ -105,6 +105,14 @@ def test_programs_are_solved_side_by_side_as_far_as_memory_goes() -> None:
     assert require_room(SIZE, 6.0, 12.0, 4)[0] == 1
 
 
+@pytest.mark.parametrize("memory", [0.0, -1.0, 1e299, float("nan")])
+def test_memory_that_no_machine_has_is_refused(memory: float) -> None:
+    with pytest.raises(InputError, match=r"proof\.memory"):
+        require_room(SIZE, memory, 12.0, 4)
+    with pytest.raises(InputError, match=r"proof\.memory"):
+        ProofLimits(memory=memory)
+
+
 def test_a_long_proof_is_announced_and_a_short_one_is_not() -> None:
     _, line = require_room(SIZE, 13.0, 12.0, 4)
     for part in ("16 semidefinite programs", "5 states", "degree 8", "1287 equations", "126 rows", "25 min", "12 GB"):
