@@ -30,7 +30,7 @@ class Report:
 
     outcome: Outcome
     refusal: str = ""
-    shown: Shown | None = None
+    shown: Shown | None = field(default=None, repr=False)
     robustness: Robustness | None = None
     paragraphs: tuple[str, ...] = field(init=False)
 
