@@ -134,6 +134,7 @@ class Result:
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place stopped the proof
     worst_points: tuple[WorstPlace, ...] = ()  # of the falsifier; none of tubes that came with the package
     command: str | None = None  # of the shell, that asked for it; None where Python did
+    account: tuple[str, ...] = field(default=(), compare=False)  # the checker's, in paragraphs; not in result.json
 
     def __post_init__(self) -> None:
         coerce.keep(

@@ -1,11 +1,21 @@
-"""Exact objects made by hand: a tube that nobody certified, pieces of a reference, segments as they are stated."""
+"""Exact objects made by hand: a tube that nobody certified, pieces of a reference, segments as they are stated, and
+what the checker would say of a proof.
+"""
 
-from flint import fmpq
+from flint import acb, fmpq
 
+from cfjax.check import Outcome, Report
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
+from cfjax.check.document import Course, FunnelClaim, ProblemClaim, SegmentClaim, VehicleClaim
+from cfjax.check.graph import Graph
+from cfjax.check.level import Contracting
 from cfjax.check.piece import Piece
+from cfjax.check.proven import ProvenFunnels
 from cfjax.check.rational import rational
+from cfjax.check.reference import ExactPose, Reference
+from cfjax.check.robustness import Robustness
+from cfjax.check.vehicle import STATES
 from cfjax.exact import StatedProfile, StatedSegment
 
 
@@ -50,3 +60,31 @@ def stated(turn_rate: tuple, speed: tuple, start: tuple = (0, 0, 0), breaks: tup
     profiles = (StatedProfile(grid, tuple(tuple(map(rational, p)) for p in pieces)) for pieces in (turn_rate, speed))
     alpha, x, y = map(rational, start)
     return StatedSegment(*profiles, (alpha, x, y))
+
+
+def problem_claim(course: Course | Bounds, **changes: object) -> ProblemClaim:
+    """About a car whose dynamics nobody looks at."""
+    entries: dict = {
+        "vehicle": VehicleClaim("kinematic_bicycle", {"wheelbase": fmpq(17, 50)}, STATES, Graph((), ())),
+        "method": "pf",
+        "inputs": {"u0": (fmpq(1, 2), fmpq(2)), "w": (-ONE, ONE)},
+        "path": "made by hand",
+        "course": course,
+        "inlet": (fmpq(1, 4),) * 4,
+        "goal": (fmpq(1, 2),) * 4,
+        "safe": None,
+        "obstacles": (),
+        "footprint": (),
+    }
+    return ProblemClaim(**(entries | changes))
+
+
+def proven(*margins: fmpq, robustness: Robustness | None = None) -> Report:
+    """What the checker would say of a straight path with so many segments, of a second each."""
+    pieces = tuple(Piece(k, ZERO, ONE, (ZERO,), (ONE,), fmpq(k)) for k in range(len(margins)))
+    segments = tuple(SegmentClaim((piece,)) for piece in pieces)
+    course = Course(Reference(pieces, ExactPose(ZERO, acb(0))), False, segments, tuple(range(len(margins))))
+    funnels = tuple(FunnelClaim(Contracting(ZERO), (), fmpq(9, 10), fmpq(9, 10), margin, None) for margin in margins)
+    return Report(
+        Outcome.PROVEN, shown=ProvenFunnels(problem_claim(course), course, funnels, None), robustness=robustness
+    )

@@ -8,15 +8,13 @@ tube, every tube in S, and what is left of the last one at the end in G.
 """
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from decimal import ROUND_CEILING, ROUND_FLOOR
 from typing import NamedTuple
 
 from flint import fmpq
 
 from cfjax.check.bounds import Bounds
-from cfjax.check.certified import LAW_SHARE, CertifiedTube
+from cfjax.check.certified import CertifiedTube
 from cfjax.check.containment import Asked, broken_containments
 from cfjax.check.document import (
     FORMAT,
@@ -31,11 +29,9 @@ from cfjax.check.document import (
 )
 from cfjax.check.handover import ProvenLink, Run, prove_chain
 from cfjax.check.level import STILL
-from cfjax.check.meaning import described, require_path
-from cfjax.check.rational import about, decimal_text, sqrt_upper
+from cfjax.check.meaning import require_path
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import Reference, is_closed
-from cfjax.check.report import Outcome, Report
 from cfjax.check.similarity import scaled, served
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES, POSE
@@ -94,51 +90,18 @@ def tube_of(document: object, name: str) -> CertifiedTube:
     )
 
 
-def check_chain(document: dict, skip_hash: bool, check_tube: Callable[[object], Report]) -> Report:
-    """Replay a file with claim `chain`; `check_tube` replays the certificate of one tube.
+def prove_between_sets(claim: ChainClaim) -> tuple[tuple[Run, ...], tuple[ProvenLink, ...], fmpq]:
+    """What `prove_runs` gives, and a level that V is at most at the end of the path; with I, S and G kept, if asked.
 
     Raises:
         Unreadable, Broken, ValueError: says what is not as it has to be.
     """
-    claim = read_chain(document, skip_hash)
     runs, links = prove_runs(claim)
     last = runs[-1]
-    pieces = claim.reference.pieces
     finish = last.tube.level_after(last.length(claim.reference))
     if claim.sets:
         _check_sets(claim.sets, runs, finish)
-    for index, (certificate, *_) in enumerate(claim.tubes):  # what takes longest comes last
-        report = check_tube(certificate)
-        if report.outcome is not Outcome.PROVEN:
-            raise Broken(f"tube {index}: {report.message}")
-    times = [(run.tube.timing, sum((p.duration for p in pieces[run.begin : run.end]), fmpq(0))) for run in runs]
-    arrival = (
-        sum((duration / fast for (_, fast), duration in times), fmpq(0)),
-        sum((duration / slow for (slow, _), duration in times), fmpq(0)),
-    )
-    margins = tuple(run.tube.margin for run in runs)
-    widths = ", ".join(decimal_text(sqrt_upper(run.tube.inverse[1, 1]), ROUND_CEILING) for run in runs)
-    time = f"{decimal_text(arrival[0], ROUND_FLOOR)} to {decimal_text(arrival[1], ROUND_CEILING)} s"
-    ending = (
-        f"for ever, lap after lap of {time}"
-        if claim.closed
-        else f"until it arrives after {time} with V <= {decimal_text(finish, ROUND_CEILING)}"
-    )
-    boxes = [run.tube.inputs for run in runs]
-    inputs = ", ".join(
-        f"{name} in [{decimal_text(min(box[name][0] for box in boxes), ROUND_FLOOR)}, "
-        f"{decimal_text(max(box[name][1] for box in boxes), ROUND_CEILING)}]"
-        for name in boxes[0]
-    )
-    started, inside = _sets_text(claim.sets, last.tube.states)
-    message = (
-        f'PROVEN: {described(*vehicle_of(claim))} can be held in tubes along the path "{claim.name}", '
-        f"whose {len(pieces)} pieces of {about(claim.reference.length)} m stand in the file, by inputs {inputs}. "
-        f"{started}, under any law that enforces {about(LAW_SHARE)} of the tubes' margins, the car stays in them "
-        f"{ending}{inside}. Tubes in turn, by lateral half-width: {widths} m. Proven certificates: {len(claim.tubes)}, "
-        f"links: {len(links)}."
-    )
-    return Report(Outcome.PROVEN, message, margins, arrival)
+    return tuple(runs), links, finish
 
 
 def prove_runs(claim: ChainClaim) -> tuple[list[Run], tuple[ProvenLink, ...]]:
@@ -202,19 +165,6 @@ def broken_goal(sets: SetsClaim, tube: CertifiedTube, level: fmpq) -> list[str]:
     """Why {V ≤ level} = {xᵀ (C/level) x ≤ 1} does not lie in G; nothing where it does."""
     end = [[entry / level for entry in row] for row in tube.shape]
     return broken_containments(tube.states, end, STILL, Asked(None, sets.goal, None))
-
-
-def _sets_text(sets: SetsClaim | None, states: tuple[str, ...]) -> tuple[str, str]:
-    """Where a car may start, and what is said of S and G."""
-    if sets is None:
-        return "Started with V < 1 in the first tube", ""
-
-    def axes(values: tuple[fmpq, ...], rounding: str) -> str:
-        return "(" + ", ".join(decimal_text(value, rounding) for value in values) + ")"
-
-    safe = "" if sets.safe is None else f" It stays in S with half-widths {axes(sets.safe, ROUND_CEILING)}."
-    started = f"Deviations ({', '.join(states)}): started in I with half-axes {axes(sets.inlet, ROUND_FLOOR)}"
-    return started, f", at the end inside G with half-axes {axes(sets.goal, ROUND_CEILING)}.{safe}".removesuffix(".")
 
 
 def _sets(item: Item, states: tuple[str, ...] | None) -> SetsClaim | None:

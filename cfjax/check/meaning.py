@@ -1,4 +1,4 @@
-"""What may be asked of a vehicle that the checker does not know, and in which words it is told.
+"""What may be asked of a vehicle that the checker does not know, and what is taken for granted of it.
 
 The checker knows some vehicles by name (`cfjax.check.vehicle`). Of any other one it knows the dynamics that stand in
 the file, and no more than these is proven: what a pose is, and that a reference's states do not jump where the path's
@@ -7,15 +7,27 @@ curvature does, has to follow from them, or is said to be taken for granted.
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 from cfjax.check.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
 from cfjax.check.document import Course, ProblemClaim, VehicleClaim
 from cfjax.check.piece import Piece, are_steady, jumps_in_turning
-from cfjax.check.rational import about
 from cfjax.check.reader import Broken
 from cfjax.check.structure import TURN_RATE_SLOPE
 from cfjax.check.symbolic import Symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
+
+
+class Assumptions(NamedTuple):
+    """What a reference's states have to do with its path, of a vehicle that the checker does not know.
+
+    Its dynamics are those of a body whose reference looks along the path, or it is assumed that the reference looks
+    along the path or at one angle to it. States that are no pose are assumed to depend on the path's speed, and on its
+    turning rate where they may follow it.
+    """
+
+    is_body: bool
+    follows_turning: bool
 
 
 def follows_turning(dynamics: Symbolic) -> bool:
@@ -98,19 +110,8 @@ def _require_one_angle(vehicle: VehicleClaim, dynamics: Symbolic) -> None:
         )
 
 
-def described(vehicle: VehicleClaim, dynamics: Symbolic, at_rest: bool = False) -> str:
-    """The vehicle in words; of an unknown one what is taken for granted, unless its reference is one at rest."""
-    values = ", ".join(f"{label} {about(value)}" for label, value in vehicle.parameters.items())
-    named = f'the vehicle "{vehicle.name}" ({values})' if values else f'the vehicle "{vehicle.name}"'
-    if vehicle.name in KNOWN_VEHICLES:
-        return named
-    unknown = f"{named}, a name unknown to this checker: its dynamics are those of the graph in the file,"
-    if at_rest:
-        return unknown
-    on = "speed and turning rate" if follows_turning(dynamics) else "speed"
-    looks = (
-        "which are those of a body whose reference looks along the path"
-        if is_a_body(dynamics, vehicle.states)
-        else "its reference looks along the path, or at one angle to it all along"
-    )
-    return f"{unknown} {looks}, and what else it has of states depends on the path's {on} alone,"
+def assumptions_of(vehicle: VehicleClaim, dynamics: Symbolic, at_rest: bool = False) -> Assumptions | None:
+    """None of a vehicle that the checker knows, and where one reference at rest leaves nothing to assume."""
+    if at_rest or vehicle.name in KNOWN_VEHICLES:
+        return None
+    return Assumptions(is_a_body(dynamics, vehicle.states), follows_turning(dynamics))

@@ -17,6 +17,7 @@ from cfjax.check.bounds import Bounds, Extreme
 from cfjax.check.containment import HEADING
 from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, Witness
 from cfjax.check.graph import Graph
+from cfjax.check.proven import Violation
 from cfjax.check.rational import pi_lower, pi_upper
 from cfjax.check.reader import Broken
 
@@ -29,8 +30,8 @@ def references_of(segment: SegmentClaim | Bounds, theta: fmpq) -> list[Extreme]:
     return [Extreme(profile, profile)]
 
 
-def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness) -> str:
-    """One line that says what the witness shows.
+def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness) -> Violation:
+    """What the witness violates.
 
     Raises:
         Broken: the witness does not show a violation.
@@ -55,21 +56,19 @@ def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness
     if witness.condition == "a":
         if not _form_of_axes(problem.inlet, x) <= 1 <= form:
             raise Broken("witness: not a deviation of the inlet I at which V is 1 or more")
-        return "condition (a) fails: V(0, x) is not below 1 at a deviation of the inlet I"
+        return Violation.INLET
     if witness.condition == "b":
         if problem.goal is None:
             raise Broken("witness: condition (b) is not asked of a tube without G")
         if not (inside and _form_of_axes(problem.goal, x) >= 1):
             raise Broken("witness: not a deviation outside the goal G at which V(T, x) is 1 or less")
-        return "condition (b) fails: V(T, x) is not above 1 at a deviation outside the goal G"
+        return Violation.GOAL
     heading = abs(x[states.index(HEADING)]) if HEADING in states else fmpq(0)
     if witness.condition == "c":
         outside = problem.safe is not None and any(abs(xi) > si for xi, si in zip(x, problem.safe, strict=True))
         if not (inside and (outside or heading >= pi_upper())):
             raise Broken("witness: not a deviation outside the safe set S, or beyond pi, at which V is 1 or less")
-        if outside:
-            return "condition (c) fails: V is not above 1 at a deviation outside the safe set S"
-        return "condition (c) fails: V is not above 1 at a deviation whose heading is pi or more, where it wraps"
+        return Violation.SAFE if outside else Violation.HEADING
 
     if heading >= pi_lower():
         raise Broken("witness: its heading lies beyond where it wraps")
@@ -82,7 +81,7 @@ def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness
         rate = _value_rate(problem, profile, funnel, witness, dict(zip(problem.inputs, vertex, strict=True)), form)
         if not rate > -arb(funnel.margin):
             raise Broken("witness: some vertex of the input box may decrease V fast enough")
-    return "condition (d) fails: no input in the box decreases V as fast as claimed at a deviation of the shell"
+    return Violation.DECREASE
 
 
 def require_affine(graph: Graph, inputs: Sequence[str]) -> None:

@@ -185,13 +185,12 @@ def _write_certificate(result: Result, path: Path, check: Check) -> Result:
     write_whole(path, dump(result.document).encode())
     try:
         report = check(path)
-        accepted, reason = report.outcome is PROVES[result.verdict], report.message
-        if accepted and result.verdict is Verdict.CERTIFIED:
-            return _with_margins(result, report)
+        if report.outcome is PROVES[result.verdict]:
+            result = result.replace(account=report.paragraphs)
+            return _with_margins(result, report) if result.verdict is Verdict.CERTIFIED else result
+        reason = report.message
     except Exception as error:  # the checker is the judge: whatever stops it, nothing is proven
-        accepted, reason = False, f"{type(error).__name__}: {error}"
-    if accepted:
-        return result
+        reason = f"{type(error).__name__}: {error}"
     path.unlink()
     claim = f"the exact checker did not accept the certificate of a {result.verdict.value} run"
     result = result.replace(closed_loop=None)  # driven under a margin that nothing proves
@@ -213,9 +212,10 @@ def confirmed(result: Result, folder: Path, check: Check = check_file) -> Result
             f"{folder / RESULT}: expected what the certificate proves, got {result.verdict.value}, "
             f"which the exact checker does not accept: {report.message}"
         )
+    result = result.replace(message=report.message, account=report.paragraphs, robustness=None)
     if wanted is Outcome.REFUTED:
-        return result.replace(message=report.message, robustness=None)
-    result = _with_margins(result, report).replace(message=report.message, robustness=None)
+        return result
+    result = _with_margins(result, report)
     return result if report.robustness is None else _with_amounts(result, report.robustness)
 
 
@@ -230,7 +230,7 @@ def _write_robustness(
         write_whole(folder / ROBUSTNESS, dump(hints).encode())
         report = check(folder)
         if report.outcome is Outcome.PROVEN and report.robustness is not None:
-            return _with_amounts(result, report.robustness)
+            return _with_amounts(result, report.robustness).replace(account=report.paragraphs)
         reason = report.message
     except Exception as error:  # the certificate stands without it
         reason = f"{type(error).__name__}: {error}"
@@ -293,7 +293,7 @@ def _with_margins(result: Result, report: Report) -> Result:
 def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
     nothing = {"margin_certified": None, "margin_per_metre": None, "contraction": None}
     segments = tuple(dataclasses.replace(segment, **nothing, stretches=()) for segment in result.segments)
-    return result.replace(verdict=verdict, message=message, segments=segments, document=None)
+    return result.replace(verdict=verdict, message=message, account=(), segments=segments, document=None)
 
 
 def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from flint import fmpq
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from cfjax.check import Outcome, Report
+from cfjax.check import Report
 from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.control import MinNorm, law_numbers
 from cfjax.problem import Problem, ReferencePoint
@@ -24,6 +24,7 @@ from cfjax.report.run_folder import read_run, write_run
 from cfjax.result import Absorbed, Result, Robustness, Rollouts, StretchMargin, WorstPlace
 from cfjax.simulation import inputs_along
 from cfjax.verdict import Verdict
+from tests import by_hand
 from tests.shapes import eight
 
 
@@ -39,7 +40,7 @@ WORST = (WorstPlace(0, "d", 0.25, 0.5, (0.1, 0.2, 0.3, 0.1)), WorstPlace(0, "a",
 
 
 def _proves(path: Path) -> Report:
-    return Report(Outcome.PROVEN, "PROVEN: by nobody.", margins=(fmpq(3, 10),))
+    return by_hand.proven(fmpq(3, 10))
 
 
 def _cars(problem: Problem) -> Rollouts:

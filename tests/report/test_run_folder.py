@@ -22,6 +22,7 @@ from cfjax.problem import Interval, Tube
 from cfjax.report.run_folder import Check, confirmed, read_run, write_run
 from cfjax.result import Result, SegmentResult, StretchMargin
 from cfjax.verdict import Verdict
+from tests import by_hand
 from tests.shapes import eight, slalom
 
 
@@ -97,7 +98,7 @@ def test_a_chain_with_stretches_is_read_as_it_was_written(hand_made: Make, tmp_p
         claimed.replace(segments=segments),
         tmp_path,
         yaml_of(preset("oval")),
-        check=lambda path: Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),) * 2),
+        check=lambda path: by_hand.proven(*[fmpq(3, 10)] * 2),
     )
     read = read_run(tmp_path)
     assert [found.stretches for found in read.segments] == [stretches] * 2
@@ -128,7 +129,7 @@ def test_margin_per_metre_is_of_the_largest_speed(hand_made: Make, write: Callab
         claimed,
         tmp_path / "run",
         yaml_of(config),
-        check=lambda path: Report(Outcome.PROVEN, "proven", margins=margins),
+        check=lambda path: by_hand.proven(*margins),
         points=(tmp_path / "points.csv").read_bytes(),
     )
     data = json.loads((tmp_path / "run" / "result.json").read_text())
@@ -151,7 +152,7 @@ def test_a_path_held_by_tubes_is_read_as_it_was_written(hand_made: Make, tmp_pat
         claimed.replace(segments=segments),
         tmp_path,
         yaml_of(preset("oval")),
-        check=lambda path: Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),) * 3),
+        check=lambda path: by_hand.proven(*[fmpq(3, 10)] * 3),
     )
     data = json.loads((tmp_path / "result.json").read_text())
     assert [segment["theta"] for segment in data["segments"]] == [list(span) for span in spans]
@@ -173,7 +174,7 @@ def test_along_tubes_the_law_asks_for_what_the_checker_proved(hand_made: Make, t
     proven = Robustness(none, fmpq(1), none, fmpq(1), (), along=(bounds,))
 
     def check(path: Path) -> Report:
-        return Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),), robustness=proven)
+        return by_hand.proven(fmpq(3, 10), robustness=proven)
 
     write_run(claimed.replace(segments=(one,)), tmp_path, yaml_of(preset("oval")), check=check)
     read = read_run(tmp_path)
@@ -206,7 +207,7 @@ RATIONAL = 0.3 if Fraction(0.3) <= Fraction(3, 10) else math.nextafter(0.3, 0)  
 def test_certified_only_when_the_checker_accepts_the_file(hand_made: Make, tmp_path: Path) -> None:
     def accepts(path: Path) -> Report:
         assert json.loads(path.read_text()) == CLAIMS["document"]  # as it lies on disk
-        return Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),))
+        return by_hand.proven(fmpq(3, 10))
 
     written = write_run(
         hand_made(problem_of(preset("circle")), **CLAIMS), tmp_path / "run", yaml_of(preset("circle")), check=accepts
@@ -225,7 +226,7 @@ def _breaks(path: Path) -> Report:
 REFUSALS = {
     "broken": (Verdict.CERTIFIED, lambda path: Report(Outcome.BROKEN, "no")),
     "proves the opposite": (Verdict.CERTIFIED, lambda path: Report(Outcome.REFUTED, "no")),
-    "proves a part": (Verdict.CERTIFIED, lambda path: Report(Outcome.PROVEN, "yes", margins=())),
+    "proves a part": (Verdict.CERTIFIED, lambda path: Report(Outcome.PROVEN, "yes")),
     "checker crashed": (Verdict.CERTIFIED, _breaks),
     "broken witness": (Verdict.REFUTED, lambda path: Report(Outcome.UNREADABLE, "no")),
     "no refutation": (Verdict.REFUTED, lambda path: Report(Outcome.PROVEN, "no")),
@@ -283,7 +284,7 @@ def test_whatever_stops_the_cars_comes_after_the_run_is_written(
             claimed,
             tmp_path,
             yaml_of(preset("circle")),
-            check=lambda path: Report(Outcome.PROVEN, "proven", margins=(fmpq(3, 10),)),
+            check=lambda path: by_hand.proven(fmpq(3, 10)),
             drive=drive,
         )
     read = read_run(tmp_path)

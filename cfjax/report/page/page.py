@@ -63,7 +63,7 @@ def page_of(result: Result, config: str, known: dict[str, str]) -> str:
             verdict=TITLES[result.verdict],
             tone=result.verdict.value,
             meaning=tables.MEANING[result.verdict],
-            account=tables.account(result),
+            account=result.account or (result.message,),
             facts=tables.facts(result),
             parameters=tables.parameters(result),
             figures={figure.name: figure for figure in figures},

@@ -44,21 +44,6 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{value:.{digits}g}".replace("inf", "∞").replace("-", "−")
 
 
-def account(result: Result) -> list[str]:
-    """The message in paragraphs: a sentence that begins with a new subject begins a new one."""
-    text = result.message
-    for start in (
-        "Deviations (",
-        "From every start",
-        "Tubes in turn",
-        "Inputs that do so",
-        "A law whose",
-        "All at once",
-    ):
-        text = text.replace(f". {start}", f".\n{start}")
-    return text.split("\n")
-
-
 def facts(result: Result) -> list[Fact]:
     """The figures that people look for first."""
     found = [
