@@ -382,7 +382,7 @@ def run(
 
 def summary(result: "Result", objective: "Objective") -> str:
     """A few lines for people."""
-    from cfjax.report.rounded import MILLI, margin_text, rounded_down
+    from cfjax.report.rounded import MILLI, margin_text, rounded_down, rounded_up
 
     problem, loop = result.problem, result.closed_loop
     lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}"]
@@ -407,10 +407,13 @@ def summary(result: "Result", objective: "Objective") -> str:
         rates = zip(problem.vehicle.state_names, alone.disturbance, strict=True)
         law = " under the law that is told the speed alone" if problem.path.tube else ""
         held, late = (rounded_down(time, 3, MILLI) for time in (alone.period, alone.delay))
-        lines.append(
-            f"absorbs{law} one of: inputs held for {held} ms, data {late} ms old, "
-            f"a rate off by {', '.join(f'{rounded_down(bound, 2)} ({name})' for name, bound in rates)} a second"
-        )
+        often = f" (control at {rounded_up(1 / alone.period, 3)} Hz or faster)" if alone.period else ""
+        lines += [
+            f"absorbs{law} one of:",
+            f"  inputs held for {held} ms{often}",
+            f"  data {late} ms old",
+            f"  a rate off by {', '.join(f'{rounded_down(bound, 2)} ({name})' for name, bound in rates)} a second",
+        ]
     if loop is not None:
         lines.append(
             f"{loop.cars} cars: {loop.left_funnel} left the funnel, {loop.left_safe} left S"
