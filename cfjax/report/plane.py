@@ -20,16 +20,21 @@ from cfjax.problem import Disc, FootprintDisc, Obstacle, Problem
 from cfjax.problem.course import poses_of
 from cfjax.report.along import spans_of
 from cfjax.report.style import (
+    ASKED,
     BODY_COLOUR,
     BODY_EDGE_COLOUR,
     CAR_COLOURS,
     EDGE_COLOUR,
+    END,
     FAILED_COLOUR,
     FUNNEL_COLOUR,
+    GOAL,
     GOAL_COLOUR,
+    INLET,
     INLET_COLOUR,
     OBSTACLE_COLOUR,
     REFERENCE_COLOUR,
+    START,
     ellipse_outline,
     rotation,
 )
@@ -45,6 +50,7 @@ FEWEST, MOST_OUTLINES = 24, 20_000  # of a funnel, of a path
 SLICES = 31  # of the headings in the funnel, where a disc of the body lies off its origin
 REACH = 0.2  # of its size, by which the picture goes on for obstacles that end farther away
 MARGIN = 0.03  # of its size, around all
+ASKED_COLOURS = {INLET: INLET_COLOUR, GOAL: GOAL_COLOUR}
 
 Poses = Float[np.ndarray, "t 3"]  # heading (rad) and position (m), inertial frame
 
@@ -166,13 +172,19 @@ class Plane:
             self.outlets.append(outlines[-1])
             if self.obstacles:
                 bodies.append(body_region(funnel, own, poses, problem.footprint))
+        self.asked = _asked(problem, self.course) if result.segments else {}
         self.funnel, self.body = shapely.union_all(funnels), shapely.union_all(bodies)
         self.cars = [positions(self.course, cars.theta, cars.x) for cars in result.rollouts]
 
     @property
     def view(self) -> tuple[float, float, float, float]:
         """Lower and upper end in x and y (m): all but for obstacles that reach far."""
-        shapes = [self.funnel, self.body, shapely.linestrings(self.line)]
+        shapes = [
+            self.funnel,
+            self.body,
+            shapely.linestrings(self.line),
+            *map(shapely.linestrings, self.asked.values()),
+        ]
         ends = np.array(shapely.GeometryCollection(shapes).bounds)
         for cars in self.cars:
             points = cars.reshape(-1, 2)
@@ -204,6 +216,8 @@ class Plane:
             axes.plot(*outline.T, color=INLET_COLOUR, lw=0.8 if joint else 1.4, zorder=3)
         for joint, outline in enumerate(reversed(self.outlets)):
             axes.plot(*outline.T, color=GOAL_COLOUR, lw=0.8 if joint else 1.4, zorder=3)
+        for name, outline in self.asked.items():
+            axes.plot(*outline.T, color=ASKED_COLOURS[name], lw=1.1, ls=ASKED, zorder=3)
         if (failed := self.result.failed_at) is not None:
             line = self.course(np.linspace(*failed, 200))[:, 1:]
             axes.plot(*line.T, color=FAILED_COLOUR, lw=3.0, solid_capstyle="round", zorder=4)
@@ -220,9 +234,10 @@ class Plane:
         if self.inlets:
             found += [
                 Patch(facecolor=FUNNEL_COLOUR, edgecolor=EDGE_COLOUR, label="funnel"),
-                Line2D([], [], color=INLET_COLOUR, lw=1.4, label="inlet" if len(self.inlets) == 1 else "inlets"),
-                Line2D([], [], color=GOAL_COLOUR, lw=1.4, label="outlet" if len(self.outlets) == 1 else "outlets"),
+                Line2D([], [], color=INLET_COLOUR, lw=1.4, label=START),
+                Line2D([], [], color=GOAL_COLOUR, lw=1.4, label=END),
             ]
+            found += [Line2D([], [], color=ASKED_COLOURS[name], lw=1.1, ls=ASKED, label=name) for name in self.asked]
         found.append(reference)
         if self.obstacles:
             found.append(Patch(facecolor=OBSTACLE_COLOUR, label="obstacle"))
@@ -233,6 +248,17 @@ class Plane:
         if self.result.failed_at is not None:
             found.append(Line2D([], [], color=FAILED_COLOUR, lw=3.0, label="here the proof failed"))
         return found
+
+
+def _asked(problem: Problem, course: Course) -> dict[str, Float[np.ndarray, "96 2"]]:
+    """Outlines (m, inertial frame) of I where the path begins and of G where it ends: of their positions."""
+    ends = np.array([0.0, sum(segment.duration for segment in problem.path.curve)])
+    found = {}
+    for name, ellipsoid, pose in zip((INLET, GOAL), (problem.inlet, problem.goal), course(ends), strict=True):
+        if ellipsoid is not None:
+            outline = ellipse_outline(np.diag(np.square(ellipsoid.half_axes[1:3])))
+            found[name] = _placed(pose[None], outline.T[None])[0]
+    return found
 
 
 def _around(ends: np.ndarray, others: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The picture of a run: the plane with the funnel's shadow, and beside it what goes on along θ; or a tube."""
 
+import math
 from pathlib import Path
 
 import matplotlib
@@ -19,6 +20,7 @@ PAD = 0.07  # in, around every part
 WIDE = 1.75  # width over height of the plane, from which on the panels are below it
 AROUND = 1.25  # in: title, labels and legend
 BESIDE, PLANE_BESIDE = 3.4, 4.9  # in: the panels beside the plane, and what is left for it
+ROW = 7  # entries of the legend beside each other, at most
 PLANE_ABOVE, PLANE_TALLEST = 8.3, 4.2  # in: the plane above them
 LEAST, LEAST_STACK = 3.9, 4.7  # in, of the whole; with more than one panel beside the plane
 
@@ -71,7 +73,10 @@ def _draw_path(result: Result) -> Figure:
         stack = [figure.add_subplot(inner[k]) for k in range(len(drawn))]
         draw_along(stack, drawn, result, stack[-1:])
     plane.draw(axes)
-    figure.legend(handles=plane.handles(), loc="outside lower left", ncols=8, fontsize=8, handlelength=1.6)
+    handles = plane.handles()
+    rows = math.ceil(len(handles) / ROW)
+    columns = math.ceil(len(handles) / rows)
+    figure.legend(handles=handles, loc="outside lower left", ncols=columns, fontsize=8, handlelength=1.6)
     return figure
 
 

@@ -16,6 +16,8 @@ FUNNEL_COLOUR, EDGE_COLOUR = "#cfe3f5", "#4c86b8"
 INLET_COLOUR, GOAL_COLOUR, REFERENCE_COLOUR = "#2b8a3e", "#c92a2a", "#111111"
 BODY_COLOUR, BODY_EDGE_COLOUR, OBSTACLE_COLOUR = "#eceff2", "#adb5bd", "#343a40"
 SPEED_COLOUR, FAILED_COLOUR = "#0b7285", "#e03131"
+ASKED = (0, (1, 1.2))  # line style of the sets that were asked for, I and G, beside those of the funnel
+START, END, INLET, GOAL = "funnel's start", "funnel's end", "initial set I", "goal set G"
 CAR_COLOURS = ("#e8590c", "#9c36b5", "#0b7285", "#5c940d", "#a61e4d", "#364fc7")
 STYLE: dict[Any, Any] = {
     "font.family": "serif",

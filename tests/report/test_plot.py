@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cfjax.conf import preset, preset_names, problem_of
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Disc, FootprintDisc, Problem, Vehicle, ball, circle, tube
+from cfjax.problem import Disc, Ellipsoid, FootprintDisc, Problem, Vehicle, ball, circle, tube
 from cfjax.problem import Path as RoadPath
 from cfjax.report.along import panels, spans_of
 from cfjax.report.page import save_page
@@ -172,6 +172,21 @@ def test_panels_say_something(hand_made: Make) -> None:
     assert len(panels(_certified(hand_made(_problem("oval"))))) == 3
     assert len(panels(_failed(hand_made(_problem("oval"))))) == 2
     assert len(panels(_without_candidate(hand_made(_problem("oval"))))) == 1
+
+
+def test_what_was_asked_is_drawn_beside_the_funnel(hand_made: Make) -> None:
+    """I around the reference's first place, G around its last one, in its frame: half-axes x to the right, y ahead."""
+    problem = replace(problem_of(preset("straight")), inlet=Ellipsoid((0.5, 0.3, 0.2, 0.5)), goal=ball(0.4))
+    plane = Plane(hand_made(problem))
+    (start, end), asked = plane.line[[0, -1]], plane.asked
+    assert list(asked) == ["initial set I", "goal set G"]
+    ahead = (end - start) / np.linalg.norm(end - start)
+    right = np.array([ahead[1], -ahead[0]])
+    at = asked["initial set I"] - start
+    assert np.abs(at @ right).max() == pytest.approx(0.3, rel=1e-3)
+    assert np.abs(at @ ahead).max() == pytest.approx(0.2, rel=1e-3)
+    assert np.linalg.norm(asked["goal set G"] - end, axis=1) == pytest.approx(0.4)
+    assert {"funnel's start", "funnel's end", *asked} <= {handle.get_label() for handle in plane.handles()}
 
 
 def test_inlets_and_outlets_of_every_segment(hand_made: Make) -> None:

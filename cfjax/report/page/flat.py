@@ -10,7 +10,7 @@ from cfjax.problem import Interval
 from cfjax.report.along import spans_of, stretches_of
 from cfjax.report.page.cars import Car
 from cfjax.report.page.figure import Figure, Trace, axis, band, layout, level, line
-from cfjax.report.plane import Plane, positions
+from cfjax.report.plane import ASKED_COLOURS, Plane, positions
 from cfjax.report.rounded import margin_text, rounded_up, written
 from cfjax.report.sections import sections_of
 from cfjax.report.style import (
@@ -18,19 +18,21 @@ from cfjax.report.style import (
     BODY_EDGE_COLOUR,
     CAR_COLOURS,
     EDGE_COLOUR,
+    END,
     FAILED_COLOUR,
     FUNNEL_COLOUR,
     GOAL_COLOUR,
     INLET_COLOUR,
     OBSTACLE_COLOUR,
     REFERENCE_COLOUR,
+    START,
 )
 from cfjax.report.terms import input_label
 from cfjax.result import Result
 
 
 FINE = 5e-4  # of the plane's size, to which outlines of regions are kept
-MOST_RINGS = 40  # inlets or outlets: more are no rings
+MOST_RINGS = 40  # starts or ends of funnels: more are no rings
 SHOWN_INPUTS = 12  # cars
 GAP = 0.4  # of the width, between panels side by side
 
@@ -51,10 +53,10 @@ def plane_figure(result: Result, plane: Plane, cars: list[Car]) -> Figure:
         _outline([plane.line[:: max(1, len(plane.line) // 2000)]], "reference", REFERENCE_COLOUR, 1.3, "dash")
     )
     traces += _grouped([(car.place[:, 0], car.place[:, 1], car) for car in cars], "x %{x:.3f} m, y %{y:.3f} m")
-    for rings, colour, name in ((plane.inlets, INLET_COLOUR, "inlet"), (plane.outlets[::-1], GOAL_COLOUR, "outlet")):
+    for rings, colour, name in ((plane.inlets, INLET_COLOUR, START), (plane.outlets[::-1], GOAL_COLOUR, END)):
         if rings:
-            several = rings[:MOST_RINGS]
-            traces.append(_outline(several, name if len(several) == 1 else f"{name}s", colour, 1.6))
+            traces.append(_outline(rings[:MOST_RINGS], name, colour, 1.6))
+    traces += [_outline([ring], name, ASKED_COLOURS[name], 1.3, "dot") for name, ring in plane.asked.items()]
     if (failed := result.failed_at) is not None:
         place = plane.course(np.linspace(*failed, 60))[:, 1:]
         mark = {"mode": "lines+markers", "marker": {"symbol": "x", "size": 8}} if failed[0] == failed[1] else {}

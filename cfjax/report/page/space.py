@@ -15,11 +15,13 @@ from cfjax.report.page.figure import FONT, INK, Figure, Trace, rounded
 from cfjax.report.plane import Plane, positions, shadows
 from cfjax.report.style import (
     EDGE_COLOUR,
+    END,
     FAILED_COLOUR,
     GOAL_COLOUR,
     INLET_COLOUR,
     OBSTACLE_COLOUR,
     REFERENCE_COLOUR,
+    START,
     ellipse_outline,
     rotation,
 )
@@ -67,7 +69,7 @@ def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
         theta = np.array(thetas[:-1])
         traces.append(_surface(surface, heights(theta), "funnel", theta))
         traces.append(_rings(rings, heights(_repeated(ring_thetas)), EDGE_COLOUR, 2.0, ""))
-        for at, colour, name in ((0, INLET_COLOUR, "inlet"), (-1, GOAL_COLOUR, "outlet")):
+        for at, colour, name in ((0, INLET_COLOUR, START), (-1, GOAL_COLOUR, END)):
             traces.append(_rings([rings[at]], heights(_repeated([ring_thetas[at]])), colour, 7.0, name))
     theta = np.linspace(0.0, total, ROWS)
     traces.append(_curve(course(theta)[:, 1:], heights(theta), "reference", REFERENCE_COLOUR, 4.0, "dash"))
