@@ -35,7 +35,7 @@ EXAMPLES = {
     "Certification": "what cfjax.certify returns",
     "CertifiedTube": "one of cfjax.tubes.library()",
     "Curve": "cfjax.problem.curves.Curve(position, first, second, knots)",
-    "Elimination": "cfjax.options.Elimination()",
+    "Elimination": "cfjax.learner.Elimination()",
     "Ellipsoid": "cfjax.ball(0.5)",
     "Following": "what cfjax.follow(path) returns",
     "Funnel": "result.segments[0].funnel",

@@ -3,50 +3,22 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cfjax.learner
 from cfjax import funnel
 from cfjax.coerce import flag, instance, keep, number, one_of, whole
 from cfjax.errors import InputError
 from cfjax.funnel import Objective
 from cfjax.funnel.levels import inner_level
+from cfjax.learner import learner_named, require_learner
+from cfjax.learner.elimination import Elimination
 from cfjax.solver import DEFAULT, SOLVERS
 from cfjax.solver.cost import MOST_MEMORY
 
 
 CERTIFICATES = ("auto", "segment", "tube")
-LEARNERS = ("gradient", "polytope")
-CENTRES = ("mve", "analytic", "chebyshev")
-DEMONSTRATIONS = ("mpc", "revised")
 LEAST_BETA_LOWER = 0.05  # below, no funnel of the paper's template has room to shrink in
 
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
-
-
-@dataclass(frozen=True)
-class Elimination:
-    """How learner=polytope looks (`cfjax.learner.polytope`)."""
-
-    margin: float = 0.05  # 1/s, that is asked for first
-    climb: bool = True  # ask for more from a funnel that was found, until no room is left
-    centre: str = "mve"  # of the maximum-volume ellipsoid; or analytic, chebyshev
-    batch: int = 8  # counterexamples that answer one candidate, at most
-    demonstrations: str = "mpc"  # or "revised": those too, but chosen anew after every candidate
-    delta: float = 0.01  # radius of the ball of coefficients that has to be left; C in half-axes of I, Frobenius norm
-
-    def __post_init__(self) -> None:
-        one_of("polytope.centre", self.centre, CENTRES)
-        one_of("polytope.demonstrations", self.demonstrations, DEMONSTRATIONS)
-        keep(
-            self,
-            margin=number("polytope.margin", self.margin, "1/s", above=0),
-            climb=flag("polytope.climb", self.climb),
-            batch=whole("polytope.batch", self.batch, 1),
-            delta=number("polytope.delta", self.delta, above=0, below=1),
-        )
-
-    @property
-    def revise(self) -> bool:
-        """Whether demonstrations are chosen anew after every candidate."""
-        return self.demonstrations == "revised"
 
 
 @dataclass(frozen=True)
@@ -77,7 +49,7 @@ class Options:
         template: "contracting", V = e^{kθ} xᵀCx, or "paper", V = xᵀCx + c₀θ.
         certificate: "segment", funnels made for the path; "tube", tubes for all paths within its bounds; "auto", what
             is cheaper.
-        learner: "gradient"; or "polytope", the paper's own, by elimination from demonstrations.
+        learner: "gradient"; or "polytope", the paper's own, by elimination from demonstrations; or a `Learner` itself.
         polytope: how that one looks.
         proof: what a proof may take.
         objective: the largest margin λ, or the smallest width or the largest inlet at a margin.
@@ -96,7 +68,7 @@ class Options:
 
     template: str = "contracting"
     certificate: str = "auto"
-    learner: str = "gradient"
+    learner: "str | cfjax.learner.Learner" = cfjax.learner.DEFAULT
     polytope: Elimination = Elimination()
     proof: ProofLimits = ProofLimits()
     objective: Objective = Objective()
@@ -113,7 +85,7 @@ class Options:
         funnel.template_named(self.template)
         one_of("certificate", self.certificate, CERTIFICATES)
         one_of("solver", self.solver, SOLVERS)
-        one_of("learner", self.learner, LEARNERS)
+        require_learner(self.learner)
         instance("polytope", self.polytope, Elimination)
         instance("proof", self.proof, ProofLimits)
         instance("objective", self.objective, Objective)
@@ -125,5 +97,11 @@ class Options:
             robustness=flag("robustness", self.robustness),
             **{name: whole(name, getattr(self, name), bound) for name, bound in least.items()},
         )
-        if self.learner == "polytope" and self.objective.margin is not None:
-            raise InputError(f"objective: expected margin with learner=polytope, got {self.objective.kind}")
+        if self.objective.margin is not None and not self.chosen_learner.objectives:
+            name = self.chosen_learner.name
+            raise InputError(f"objective: expected margin with learner={name}, got {self.objective.kind}")
+
+    @property
+    def chosen_learner(self) -> "cfjax.learner.Learner":
+        """The learner itself, with those of the options that are its own."""
+        return learner_named(self.learner, vars(self))

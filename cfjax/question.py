@@ -1,17 +1,15 @@
 """What problem and options are good for by themselves but not together, and what does nothing there."""
 
 import math
-from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from cfjax.coerce import objects
 from cfjax.errors import InputError
+from cfjax.learner import keys_of_others
 from cfjax.options import Options
 from cfjax.problem import Interval, KinematicBicycle, Method, Problem
 from cfjax.problem.problem import TIMING
-
-
-GRADIENTS = ("restarts", "rounds")  # of that learner alone
 
 
 def doubts(problem: Problem, options: Options) -> list[str]:
@@ -28,19 +26,18 @@ def doubts(problem: Problem, options: Options) -> list[str]:
         if heading > math.pi:
             degrees = f"; {heading:g} degrees are {math.radians(heading):.4g} rad"
             lines.append(f"{label}: {heading:g} rad of heading are no limit, for headings end at pi rad{degrees}")
-    of_others = {"gradient": _changed("polytope.", options.polytope), "polytope": _changed("", options, GRADIENTS)}
-    lines += [f"{name} does nothing with learner={options.learner}" for name in of_others[options.learner]]
+    learner = options.chosen_learner.name
+    for name in keys_of_others(options.learner):
+        lines += [f"{changed} does nothing with learner={learner}" for changed in _changed(name, options)]
     return lines
 
 
-def _changed(prefix: str, options: Any, names: Sequence[str] = ()) -> list[str]:
-    """Which of the options are not as they are unless somebody says so."""
-    usual = type(options)()
-    return [
-        f"{prefix}{name}={value}"
-        for name, value in vars(options).items()
-        if name in (names or vars(usual)) and value != getattr(usual, name)
-    ]
+def _changed(name: str, options: Any) -> list[str]:
+    """The option, or those in it where it is a group of them, as far as they are not as they are unless given."""
+    value, usual = getattr(options, name), getattr(type(options)(), name)
+    if is_dataclass(value):
+        return [f"{name}.{inner}" for field in fields(value) for inner in _changed(field.name, value)]
+    return [] if value == usual else [f"{name}={value}"]
 
 
 def check_question(problem: Problem, options: Options) -> None:
@@ -55,13 +52,12 @@ def check_question(problem: Problem, options: Options) -> None:
         raise InputError(f"authority: expected 1 for a path that tubes hold, got {problem.authority:g}")
     if options.certificate == "tube" and options.template != "contracting":
         raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
-    if options.learner == "polytope":
-        if options.certificate == "tube":
-            raise InputError("certificate: expected auto or segment with learner=polytope, got tube")
-        if path.tube:
-            raise InputError("learner=polytope: expected a path, got a tube")
-        if len(path.distinct) > 1:
-            raise InputError(
-                f"learner=polytope: expected one distinct segment, got {len(path.distinct)}: its coefficients are "
-                "those of one funnel"
-            )
+    learner = options.chosen_learner
+    if options.certificate == "tube" and not learner.tubes:
+        raise InputError(f"certificate: expected auto or segment with learner={learner.name}, got tube")
+    if path.tube and not learner.tubes:
+        raise InputError(f"learner={learner.name}: expected a path, got a tube")
+    if len(path.distinct) > 1 and not learner.chains:
+        raise InputError(
+            f"learner={learner.name}: expected one distinct segment, got {len(path.distinct)}: it learns one funnel"
+        )

@@ -8,20 +8,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from cfjax import coerce, learner
+from cfjax import coerce
 from cfjax.ahead import compile_ahead
 from cfjax.certificate import Statement, certify, proof_size, require_posable, require_room, robustness_of, statement_of
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure, require_tube_structure
 from cfjax.clock import Clock
-from cfjax.demonstrator import demonstrate
 from cfjax.errors import InputError, Interrupted
 from cfjax.falsifier import Suspect, falsify
 from cfjax.funnel import Funnel, template_named
-from cfjax.learner import Learned, learn_for
+from cfjax.learner import Found, Learned, LearningTask
 from cfjax.learner.objective import rank
 from cfjax.options import Options, Progress
 from cfjax.problem import Path, Problem, Vehicle
@@ -69,7 +66,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     clock = Clock.of(progress)
     for line in doubts(problem, options):
         print(f"warning: {line}", file=sys.stderr)
-    if problem.path.tube or options.certificate == "segment" or options.learner == "polytope":
+    if problem.path.tube or options.certificate == "segment" or not options.chosen_learner.tubes:
         result = _by_segments(problem, options, clock)
     elif options.certificate == "tube":
         _require_tubes(problem.vehicle)
@@ -223,6 +220,7 @@ class _Search:
         self.asked, self.options, self.clock, self.workers = problem, options, clock, workers
         self.problem = problem  # objective=inlet enlarges I: what is proven may ask for more than was asked
         self.template = template_named(options.template)
+        self.learner = options.chosen_learner
         self.history: list[dict[str, float]] = []
         self.search: dict[str, Any] = {}
         self.is_final = False  # the last certification ended for a reason that is no matter of the funnel
@@ -232,8 +230,7 @@ class _Search:
         wanted = self.options.objective.margin
         best: Result | None = None
         aim = _Aim(wanted)
-        # elimination ends with an answer: there is nothing to start a second round from
-        for round_ in range(self.options.rounds if self.options.learner == "gradient" else 1):
+        for round_ in range(self.learner.rounds):
             try:
                 result = self._round(round_, aim)
             except Exception as error:
@@ -277,70 +274,40 @@ class _Search:
         return best.replace(iterations=len(self.history), history=tuple(self.history), search=self.search)
 
     def _round(self, round_: int, aim: "_Aim") -> Result:
-        if self.options.learner == "polytope":
-            learned, reason = self._eliminate()
-        else:
-            self.problem, learned = self._learn(round_, aim)
-            reason = "no candidate was found that satisfies (a), (b) and (c)"
+        found = self._learn(round_, aim)
+        self.problem, learned = found.problem, found.learned
         aim.out_of_reach = aim.target is not None and (learned is None or learned.margin < aim.target)
         if learned is None:
-            return Result(Verdict.INCONCLUSIVE, reason, self.problem)
+            return Result(Verdict.INCONCLUSIVE, found.reason, self.problem)
         if learned.margin <= 0:
             message = f"the best candidate found has a margin of {learned.margin:.3g} 1/s"
-            found = [SegmentResult(funnel, learned.margin) for funnel in learned.funnels]
+            segments = [SegmentResult(funnel, learned.margin) for funnel in learned.funnels]
             with self.clock.stage("falsify"):
                 worst = [point for kind, funnel in enumerate(learned.funnels) for point in self._worst(kind, funnel)]
-            return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(found), worst_points=tuple(worst))
+            return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(segments), worst_points=tuple(worst))
         result, aim.suspects = self._certify(learned)
         aim.warm = learned.funnels
         return result
 
-    def _learn(self, round_: int, aim: "_Aim") -> tuple[Problem, Learned | None]:
-        """The best funnels for the objective, and the problem that they solve."""
+    def _learn(self, round_: int, aim: "_Aim") -> Found:
+        """The best candidates for the objective, and the problem that they solve."""
+        task = LearningTask(
+            self.asked,
+            self.template,
+            self.options.beta_lower,
+            self.options.beta_inner,
+            self.options.objective,
+            aim.target,
+            seed=self.options.seed + 1000 * round_,
+            warm=aim.warm,
+            counterexamples=aim.suspects,
+        )
         with self.clock.stage("learn"):
-            problem, learned = learn_for(
-                self.options.objective,
-                aim.target,
-                self.asked,
-                self.template,
-                beta_lower=self.options.beta_lower,
-                beta_inner=self.options.beta_inner,
-                candidates=self.options.restarts,
-                seed=self.options.seed + 1000 * round_,
-                warm=aim.warm,
-                counterexamples=aim.suspects,
-                progress=lambda done, of: self.clock("learn", done, of),
-            )
-        candidates = self.search.get("candidates", 0) + self.options.restarts
-        steps = self.search.get("steps", 0) + (learned.steps if learned else 0)
-        self.search = {"learner": "gradient", "candidates": candidates, "steps": steps}
-        return problem, learned
-
-    def _eliminate(self) -> tuple[Learned | None, str]:
-        """The funnel that elimination leaves, or None; and what was found or shown."""
-        how = self.options.polytope
-
-        def demonstrated(theta: np.ndarray, x: np.ndarray) -> np.ndarray:
-            same = np.arange(how.batch) % len(x)  # each number of problems would be compiled for itself
-            return np.asarray(demonstrate(self.asked, x[same], theta[same]).inputs)[: len(x)]
-
-        with self.clock.stage("learn"):
-            found = learner.learn_polytope(
-                self.asked,
-                self.template,
-                how,
-                beta_lower=self.options.beta_lower,
-                beta_inner=self.options.beta_inner,
-                demonstrate=demonstrated,
-                seed=self.options.seed,
-                progress=lambda done, of: self.clock("learn", done, of),
-            )
-        self.search = {
-            "learner": "polytope",
-            "runs": [run.figures() for run in found.runs],
-            "shown": found.message,
-        }
-        return found.learned, found.message
+            found = self.learner.learn(task, lambda done, of: self.clock("learn", done, of))
+        self.search["learner"] = self.learner.name
+        for name, figure in found.figures.items():
+            self.search[name] = self.search.get(name, 0) + figure if isinstance(figure, int) else figure
+        return found
 
     def _certify(self, learned: Learned) -> tuple[Result, tuple[Suspect, ...]]:
         """Certify, and falsify what was certified: rounding has moved it a little."""

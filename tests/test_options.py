@@ -6,7 +6,8 @@ import pytest
 import cfjax
 import cfjax.synthesis
 from cfjax.conf import options_of, preset, problem_of
-from cfjax.options import Elimination, Options
+from cfjax.learner.elimination import Elimination
+from cfjax.options import Options
 from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight, tube
 from cfjax.question import doubts
 from cfjax.result import Result

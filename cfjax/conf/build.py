@@ -28,7 +28,8 @@ from cfjax.conf.schema import (
 )
 from cfjax.conf.user_class import own_vehicle
 from cfjax.errors import InputError
-from cfjax.options import Elimination, Options, ProofLimits
+from cfjax.learner.elimination import Elimination
+from cfjax.options import Options, ProofLimits
 
 
 def typed(node: DictConfig) -> Config:

@@ -15,7 +15,9 @@ from omegaconf import MISSING
 import cfjax
 from cfjax.coerce import one_of
 from cfjax.errors import InputError
-from cfjax.options import Elimination, Options, ProofLimits
+from cfjax.learner import DEFAULT
+from cfjax.learner.elimination import Elimination
+from cfjax.options import Options, ProofLimits
 
 
 INTERVAL = "a number or an interval [lower, upper]"
@@ -283,7 +285,7 @@ class Config:
     authority: float = 1.0  # how far a law may go from what the reference needs towards the limits of the inputs
     template: str = Options.template  # contracting or paper
     certificate: str = Options.certificate  # auto, segment or tube
-    learner: str = Options.learner  # gradient or polytope
+    learner: str = DEFAULT  # gradient or polytope
     polytope: PolytopeConfig = field(default_factory=PolytopeConfig)
     proof: ProofConfig = field(default_factory=ProofConfig)
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)

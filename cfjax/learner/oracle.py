@@ -22,11 +22,11 @@ from cfjax.learner.beside import beside
 from cfjax.learner.centre import Polytope
 from cfjax.learner.coefficients import Coordinates
 from cfjax.learner.demonstrations import Demonstrate, demonstrated, vertices
+from cfjax.learner.elimination import Elimination
 from cfjax.learner.localise import GivenUp, Localised, Reply, Undecided
 from cfjax.learner.revision import revised
 from cfjax.learner.run import Run
 from cfjax.learner.witnesses import Witnesses, dynamics, falling
-from cfjax.options import Elimination
 from cfjax.problem import Problem
 
 

@@ -36,11 +36,11 @@ from cfjax.funnel.levels import inner_level
 from cfjax.funnel.template import Paper
 from cfjax.learner.coefficients import GAP, Coordinates
 from cfjax.learner.demonstrations import Demonstrate
+from cfjax.learner.elimination import Elimination
 from cfjax.learner.gradient import Learned
 from cfjax.learner.localise import localise
 from cfjax.learner.oracle import FunnelOracle
 from cfjax.learner.run import PolytopeLearned, Run, at_rates
-from cfjax.options import Elimination
 from cfjax.problem import Problem
 
 

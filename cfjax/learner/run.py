@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 from cfjax.funnel import Funnel
 from cfjax.learner.coefficients import Coordinates
+from cfjax.learner.elimination import Elimination
 from cfjax.learner.gradient import Learned
 from cfjax.learner.localise import Ending, Localised
 from cfjax.learner.witnesses import Witnesses, steepness
-from cfjax.options import Elimination
 
 
 @dataclass(frozen=True)

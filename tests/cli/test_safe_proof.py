@@ -18,7 +18,7 @@ import cfjax.report.run_folder
 import cfjax.synthesis
 from cfjax.check import Outcome, check_file
 from cfjax.conf import options_of, preset, problem_of
-from cfjax.learner import Learned
+from cfjax.learner import Found, Learned
 from cfjax.report.run_folder import read_run
 from cfjax.result import Result
 from cfjax.synthesis import drive, search, synthesize
@@ -345,7 +345,7 @@ def test_rounds_end_with_the_gain(
         return Result(verdict, "made by hand", problem, (replace(segment, margin_falsified=1.0),)), ()
 
     learned = Learned((hand_made(problem).segments[0].funnel,), 1.0, -1.0, (1.0,), 1)
-    monkeypatch.setattr(cfjax.synthesis._Search, "_learn", lambda *_: (problem, learned))
+    monkeypatch.setattr(cfjax.synthesis._Search, "_learn", lambda *_: Found(problem, learned, "", {}))
     monkeypatch.setattr(cfjax.synthesis._Search, "_certify", next_round)
     result = search(problem, options_of(preset("circle", ["rounds=4"])))
     assert result.iterations == rounds

@@ -9,8 +9,8 @@ import pytest
 import cfjax
 from cfjax.check import Outcome, check_document
 from cfjax.conf import options_of, preset, problem_of, yaml_of
+from cfjax.learner.elimination import Elimination
 from cfjax.learner.run import PolytopeLearned
-from cfjax.options import Elimination
 from cfjax.report.run_folder import read_run, write_run
 from cfjax.result import Result
 from experiments.paper_table import Line, compared
@@ -61,8 +61,8 @@ def test_demonstrations_come_in_batches_of_one_size(monkeypatch: pytest.MonkeyPa
             np.testing.assert_allclose(got, alone, atol=1e-9)
         return PolytopeLearned(None, "not asked", ())
 
-    monkeypatch.setattr("cfjax.synthesis.demonstrate", demonstrate)
-    monkeypatch.setattr("cfjax.learner.learn_polytope", learned)
+    monkeypatch.setattr("cfjax.learner.by_elimination.demonstrate", demonstrate)
+    monkeypatch.setattr("cfjax.learner.by_elimination.learn_polytope", learned)
     config = preset("circle", OVERRIDES)
     found = cfjax.search(problem_of(config), options_of(config))
     assert found.message == "not asked" and found.search["runs"] == []

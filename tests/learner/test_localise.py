@@ -20,8 +20,8 @@ from cfjax.learner.centre import (
     largest_ball,
     log_ball,
 )
+from cfjax.learner.elimination import CENTRES
 from cfjax.learner.localise import Ending, Localised, Reply, Undecided, iteration_bound, localise
-from cfjax.options import CENTRES
 
 
 CLOSED = np.array([[0.0, 1.0], [-1.0, -2.0]])

@@ -17,13 +17,13 @@ from cfjax.learner.beside import beside
 from cfjax.learner.centre import CentreError, Polytope
 from cfjax.learner.coefficients import Coordinates
 from cfjax.learner.demonstrations import best_vertices
+from cfjax.learner.elimination import Elimination
 from cfjax.learner.localise import Ending, Localised, Step
 from cfjax.learner.oracle import FunnelOracle, Hunted
 from cfjax.learner.polytope import CHANGES
 from cfjax.learner.polytope import learn_polytope as learn
 from cfjax.learner.run import PolytopeLearned, Run
 from cfjax.learner.witnesses import FADING, Witnesses, dynamics, falling
-from cfjax.options import Elimination
 from cfjax.problem import (
     Box,
     Disc,

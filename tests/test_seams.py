@@ -1,0 +1,178 @@
+"""One of each that docs/contributing.md says can be made without a change in the package: it goes in as an object."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import cfjax
+from cfjax.certificate import certify, proof_size, statement_of
+from cfjax.conf import options_of, preset, problem_of
+from cfjax.conf.build import command_vehicle
+from cfjax.errors import InputError
+from cfjax.falsifier import falsify
+from cfjax.funnel import Contracting, Objective, Template
+from cfjax.learner import Found, Learned, Learner, LearningTask, learn
+from cfjax.options import Options
+from cfjax.problem import Problem, ball, tube
+from cfjax.problem.vehicle import Scalar
+from cfjax.question import check_question, doubts
+from cfjax.solver import Program, Solution, Solver, solver_named
+from cfjax.solver.program import Shape
+
+
+CIRCLE, EIGHT = problem_of(preset("circle")), problem_of(preset("figure_eight"))
+
+
+class Counting:
+    """A third solver: another one's answers, counted."""
+
+    def __init__(self) -> None:
+        self.name, self.count, self.inner = "counting", 0, solver_named("batched")
+
+    def solve(self, programs: Sequence[Program]) -> list[Solution]:
+        self.count += len(programs)
+        return [replace(solution, solver=self.name) for solution in self.inner.solve(programs)]
+
+    def prepare(self, shape: Shape) -> None:
+        self.inner.prepare(shape)
+
+
+@dataclass(frozen=True)
+class Remembering:
+    """A third learner: it knows an answer."""
+
+    learned: Learned | None
+    name: str = "remembering"
+    rounds: int = 1
+    tubes: bool = False
+    chains: bool = False
+    objectives: bool = False
+
+    def learn(self, task: LearningTask, progress: Callable[[int, int], None] | None = None) -> Found:
+        return Found(task.problem, self.learned, "nothing is remembered", {"remembered": 1})
+
+
+class Shifted(Template):
+    """A third template, between the two: V = e^{kθ} (q + b) − b. Contracting for b = 0, Paper for b → ∞."""
+
+    name = "shifted"
+    rate_name = "rate"
+    shift = 0.25  # b
+
+    def level(self, rate: Scalar, theta: Scalar) -> Scalar:
+        return (1 + self.shift) * jnp.exp(-rate * theta) - self.shift
+
+    def value(self, rate: Scalar, theta: Scalar, q: Scalar) -> Scalar:
+        return jnp.exp(rate * theta) * (q + self.shift) - self.shift
+
+    def scale(self, rate: Scalar, theta: Scalar) -> Scalar:
+        return jnp.exp(rate * theta)
+
+    def timing(self, rate: Scalar, q: Scalar) -> Scalar:
+        return rate * (q + self.shift)
+
+    def shell(self, rate: Scalar, begin: Scalar, end: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
+        first, last = jnp.exp(-rate * begin), jnp.exp(-rate * end)
+        low = (beta_inner + self.shift) * jnp.minimum(first, last) - self.shift
+        return low, (1 + self.shift) * jnp.maximum(first, last) - self.shift
+
+    def drop(self, rate: Scalar, begin: Scalar, end: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
+        first, last = jnp.exp(-rate * begin), jnp.exp(-rate * end)
+        at_lower = (q + self.shift) / (beta_lower + self.shift)  # 1/σ where V = β̲
+        below = (q + self.shift - self.shift * jnp.minimum(first, last)) / beta_lower
+        return jnp.minimum(jnp.minimum(at_lower, below), jnp.maximum(first, last))
+
+    def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
+        # the shell must not hold x = 0
+        return (-2.0 if may_grow else 1e-3), 0.98 * math.log((beta_lower + self.shift) / self.shift)
+
+    def first_change(self, share: Scalar) -> Scalar:
+        return 0.2 + 0.6 * share
+
+    def reaching(self, rate: Scalar, q: Scalar, level: Scalar) -> Scalar:
+        return math.log((level + self.shift) / (q + self.shift)) / rate
+
+
+@pytest.fixture(scope="module")
+def learned() -> Learned:
+    found = learn(CIRCLE, Contracting(), candidates=1)
+    assert found is not None and found.margin > 0
+    return found
+
+
+def test_a_third_solver_proves(learned: Learned) -> None:
+    solver = Counting()
+    assert isinstance(solver, Solver)
+    found = certify(CIRCLE, learned.funnels, solver=solver)
+    assert found.verdict is cfjax.Verdict.CERTIFIED, found.message
+    assert "counting" in found.solvers and solver.count > 0
+
+
+def test_a_third_learner_is_certified_for(learned: Learned) -> None:
+    learner = Remembering(learned)
+    assert isinstance(learner, Learner)
+    found = cfjax.search(CIRCLE, Options(learner=learner, cars=0, robustness=False))
+    assert found.verdict is cfjax.Verdict.CERTIFIED, found.message
+    assert (found.iterations, found.search["learner"], found.search["remembered"]) == (1, "remembering", 1)
+
+
+def test_a_third_learner_that_finds_nothing_says_why() -> None:
+    found = cfjax.search(CIRCLE, Options(learner=Remembering(None)))
+    assert (found.verdict, found.message) == (cfjax.Verdict.INCONCLUSIVE, "nothing is remembered")
+
+
+def test_a_third_learner_is_asked_for_what_it_serves() -> None:
+    options = Options(learner=Remembering(None), restarts=8)
+    any_path = Problem(tube(), goal=ball(0.6))
+    for problem, message in (
+        (any_path, "expected a path, got a tube"),
+        (EIGHT, "expected one distinct segment, got 2"),
+    ):
+        with pytest.raises(InputError, match=f"learner=remembering: {message}"):
+            check_question(problem, options)
+    with pytest.raises(InputError, match="expected margin with learner=remembering, got width"):
+        Options(learner=Remembering(None), objective=Objective("width", 1.0))
+    everything = Remembering(None, tubes=True, chains=True, objectives=True)
+    for problem in (any_path, EIGHT):
+        check_question(problem, Options(learner=everything, objective=Objective("width", 1.0)))
+    assert doubts(CIRCLE, options) == ["restarts=8 does nothing with learner=remembering"]
+
+
+@pytest.mark.parametrize("rate", [0.3, -0.2])
+def test_a_third_template_is_consistent(rate: float) -> None:
+    """V on its own level sets; what `drop` says against all θ of a stretch, one by one."""
+    template, beta, inner, (begin, end) = Shifted(), 0.8, 0.5, (0.2, 1.4)
+    theta = np.linspace(begin, end, 20001)
+    np.testing.assert_allclose(template.value(rate, theta, template.level(rate, theta)), 1)
+    low, high = map(float, template.shell(rate, begin, end, inner))
+    for q in np.linspace(low, high, 12)[1:-1]:
+        value = np.asarray(template.value(rate, theta, q))
+        asked = np.minimum(1, value / beta) / np.asarray(template.scale(rate, theta))
+        largest = asked[(value >= inner) & (value <= 1)].max()
+        assert float(template.drop(rate, begin, end, beta, q)) >= largest - 1e-9
+    assert template.value(rate, template.reaching(rate, 0.6, 0.9), 0.6) == pytest.approx(0.9)
+
+
+def test_a_third_template_is_learned_and_falsified() -> None:
+    found = learn(CIRCLE, Shifted(), candidates=1)
+    assert found is not None and found.funnel.template.name == "shifted"
+    assert found.margin > 0 > found.excess
+    points = falsify(CIRCLE, CIRCLE.path.distinct[0], found.funnel, seed=3)
+    assert {point.condition for point in points} >= {"a", "b", "d"}
+    assert all(point.slack > 0 for point in points)
+    assert next(point.slack for point in points if point.condition == "d") == pytest.approx(found.margin, rel=0.05)
+
+
+def test_a_vehicle_by_name_has_a_proof_to_be_solved(tmp_path: Path) -> None:
+    module = Path(__file__).parents[1] / "experiments" / "vehicles" / "unicycle.py"
+    (tmp_path / "seam_vehicle.py").write_text(module.read_text())
+    config = preset("circle", ["vehicle=custom", "vehicle.target=seam_vehicle.Unicycle"])
+    problem = problem_of(config, command_vehicle(config, tmp_path))
+    assert problem.vehicle.name == "unicycle"
+    size = proof_size(problem, statement_of(problem), Contracting(), options_of(config).beta_lower)
+    assert size is not None and size.states == problem.dimension == 4
