@@ -96,7 +96,7 @@ def test_more_funnels_than_a_certificate_holds_are_refused(monkeypatch: pytest.M
 
 
 def test_nothing_is_learned_for_what_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(synthesis, "learn_for", None)
+    monkeypatch.setattr("cfjax.learner.by_gradient.learn_for", None)
     with pytest.raises(InputError, match="expected dynamics of which a proof can be put together"):
         synthesis.search(wobbling(4), Options())
 
@@ -115,7 +115,7 @@ def test_a_reason_that_is_no_matter_of_the_funnel_ends_the_search(
     def certify(*_: object, **__: object) -> Certification:
         return Certification(Verdict.INCONCLUSIVE, "too large", funnels=(funnel,), final=final)
 
-    monkeypatch.setattr(synthesis, "learn_for", learn_for)
+    monkeypatch.setattr("cfjax.learner.by_gradient.learn_for", learn_for)
     monkeypatch.setattr(synthesis, "certify", certify)
     monkeypatch.setattr(synthesis._Search, "_worst", lambda *_: [WorstPlace(0, "d", 1.0, 0.0, (0.1,) * 4)])
     assert synthesis.search(problem, Options()).message == "too large"

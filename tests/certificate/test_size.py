@@ -80,7 +80,7 @@ def test_more_states_take_more() -> None:
 
 def test_what_no_checker_reads_is_refused_before_learning(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = asked(Rooted(), circle())
-    monkeypatch.setattr(cfjax.synthesis, "learn_for", lambda *_, **__: pytest.fail("it was learned"))
+    monkeypatch.setattr("cfjax.learner.by_gradient.learn_for", lambda *_, **__: pytest.fail("it was learned"))
     with pytest.raises(InputError, match=r"vehicle rooted: expected .* degree 12 in 5 states takes .* 462 rows"):
         cfjax.synthesis.search(problem)
 
@@ -131,7 +131,7 @@ def test_a_proof_beyond_its_limits_is_refused() -> None:
 
 
 def test_limits_reach_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cfjax.synthesis, "learn_for", lambda *_, **__: pytest.fail("it was learned"))
+    monkeypatch.setattr("cfjax.learner.by_gradient.learn_for", lambda *_, **__: pytest.fail("it was learned"))
     with pytest.raises(InputError, match=r"^proof.memory: expected at most 0.001 GB"):
         cfjax.synthesis.search(Problem(circle()), Options(proof=ProofLimits(memory=0.001)))
 

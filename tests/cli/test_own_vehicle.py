@@ -201,7 +201,7 @@ def test_a_car_with_its_steering_as_a_state_is_certified(train: Callable[..., in
 def test_what_no_tube_holds_is_said_before_anything_is_learned(
     train: Callable[..., int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cfjax.synthesis.learn_for", None)
+    monkeypatch.setattr("cfjax.learner.by_gradient.learn_for", None)
     own = ("vehicle=custom", "vehicle.target=experiments.vehicles.steered_car.SteeredCar")
     sets = ("sets.inlet=0.2", "sets.goal=0.6", "sets.safe=[1,1,1,3,0.7]")
     assert train("+path=ellipse", "certificate=tube", *own, *sets) == 2

@@ -46,7 +46,7 @@ def test_each_set_holds_the_smaller_ones() -> None:
 
 def test_every_command_that_is_installed_is_there() -> None:
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
-    assert scripts.keys() == {"cfjax-train", "cfjax-check", "cfjax-simulate", "cfjax-export", "cfjax-gather"}
+    assert scripts.keys() == {"cfjax", "cfjax-train", "cfjax-check", "cfjax-simulate", "cfjax-export", "cfjax-gather"}
     for target in scripts.values():
         module, _, name = target.partition(":")
         assert callable(getattr(importlib.import_module(module), name))
