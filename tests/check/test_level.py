@@ -9,7 +9,7 @@ from flint import arb, fmpq
 
 from cfjax.check.level import LEVELS
 from cfjax.check.rational import rational
-from cfjax.funnel import TEMPLATES
+from cfjax.funnel import TEMPLATES, Template
 
 
 CASES = list(product(LEVELS, ("1/5", "0", "-1/4"), ("0", "1/3", "2")))
@@ -61,3 +61,40 @@ def test_a_deviation_changes_v_by_no_more_than_its_scale_says(name: str) -> None
         part = float(template.value(0.2, t, largest)) - float(template.value(0.2, t, 0.0))
         assert math.sqrt(part) <= root + 1e-9
         assert part <= scale * largest + 1e-9
+
+
+def _at(template: Template, k: float, t: float, q: float) -> tuple[float, float, float]:
+    """V, σ = ∂V/∂q and ∂V/∂θ by differences."""
+    step = 1e-6
+    value = [
+        float(template.value(k, a, b)) for a, b in ((t, q), (t, q + step), (t, q - step), (t + step, q), (t - step, q))
+    ]
+    return value[0], (value[1] - value[2]) / (2 * step), (value[3] - value[4]) / (2 * step)
+
+
+@pytest.mark.parametrize(("name", "rate"), list(product(LEVELS, ("1/20", "0", "-1/20"))))
+def test_ranges_of_q_cover_the_funnel_and_ask_for_enough_at_every_theta(name: str, rate: str) -> None:
+    """On the shell at least min(1, V/β̲)/σ is asked, wherever in the stretch; inside no more than 1/σ is counted on."""
+    level, template, span = LEVELS[name](rational(rate)), TEMPLATES[name], (fmpq(0), fmpq(3))
+    beta_lower, beta_inner = 0.8, 0.5
+    shell, inside = level.shell(span, rational(beta_lower), rational(beta_inner)), level.inside(span)
+    k, seen = float(level.rate), 0
+    for t in np.linspace(0.0, 3.0, 13):
+        for q in np.linspace(1e-3, 1.3, 131):
+            value, sigma, by_theta = _at(template, k, t, q)
+            if value > 1:
+                continue
+            own = [piece for piece in inside if piece.lower <= rational(q) <= piece.upper]
+            asked = [piece for piece in shell if piece.lower <= rational(q) <= piece.upper]
+            assert own and (asked or value < beta_inner)
+            seen += 1
+            for piece in [*own, *asked]:
+                constant, slope = map(float, piece.timing)
+                assert sigma * (constant + slope * q) == pytest.approx(by_theta, abs=1e-6)
+            for piece in own:
+                constant, slope = map(float, piece.drop)
+                assert constant + slope * q <= 1 / sigma + 1e-6
+            for piece in asked:
+                constant, slope = map(float, piece.drop)
+                assert constant + slope * q >= min(1.0, value / beta_lower) / sigma - 1e-6
+    assert seen > 1000
