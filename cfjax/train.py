@@ -23,7 +23,9 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hydra.experimental.callback import Callback
@@ -329,12 +331,13 @@ def run(
             told.append(text)
 
     def driven(proven: "Result") -> "Result":
+        Thread(target=_import_pictures).start()  # while cars are driven Python is idle
         result = proven if stopped else drive(proven, options, clock)
         tell(result)  # what is left, pictures, takes its time
         return result
 
     def picture(result: "Result", path: Path) -> None:
-        from cfjax.report.plot import save_picture  # brings Matplotlib, when nobody waits for a verdict any more
+        from cfjax.report.plot import save_picture
 
         save_picture(result, path)
 
@@ -378,6 +381,11 @@ def run(
     if stopped:
         raise stopped
     return result
+
+
+def _import_pictures() -> None:
+    with suppress(Exception):  # who draws says what is missing
+        import_module("cfjax.report.plot")
 
 
 def summary(result: "Result", objective: "Objective") -> str:

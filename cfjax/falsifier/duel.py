@@ -110,8 +110,10 @@ def duel(
 ) -> Outcome:
     """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
     numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
-    moved = traced(_run, vehicle, template)(chain, numbers, scale, factor, change, *particles)
-    factor, change, points, margins = map(np.asarray, moved)
+    whole = (scale, factor, change, *particles)
+    shares = zip(*(np.split(values, 2 - len(scale) % 2) for values in whole), strict=True)  # of the candidates
+    moved = traced(_run, vehicle, template).side_by_side([(chain, numbers, *share) for share in shares])
+    factor, change, points, margins = map(np.concatenate, zip(*moved, strict=True))
     return Outcome(factor, change, particles._replace(points=points), margins)
 
 
@@ -197,7 +199,6 @@ def _now(schedule: Schedule, i: Array) -> _Now:
     return _Now(at(schedule.learning_rate) * warming, at(schedule.temperature), at(schedule.step))
 
 
-@partial(jax.jit, static_argnames="vehicle")
 def _columns(vehicle: Vehicle, x: Float[Array, "k n"], reference: ReferencePoint) -> Float[Array, "k n m"]:
     return jax.vmap(lambda one: affine_deviation(vehicle, one, reference)[1])(x)
 
@@ -209,7 +210,7 @@ def ridge_coordinates(vehicle: Vehicle, chain: Chain) -> Float[np.ndarray, " n"]
     """
     unit = np.asarray(chain.funnels.inlet)[0]
     probes = np.random.default_rng(0).normal(size=(8, len(unit))) * unit[None, :]
-    columns = _columns(vehicle, jnp.asarray(probes), jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal))
+    columns = traced(_columns, vehicle)(probes, jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal))
     ridges = np.zeros(len(unit))
     for column in np.abs(np.asarray(columns)).max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column > 1e-12) == 1:

@@ -20,6 +20,7 @@ from cfjax.funnel.conditions import shell_points
 from cfjax.funnel.funnel import require_fit
 from cfjax.funnel.instance import Chain, Clearance, Stretch, Unit, chain_of, instance_of
 from cfjax.problem import Path, Problem, Segment, Tube, Vehicle
+from cfjax.traced import traced
 
 
 SEARCH = Schedule(steps=400)
@@ -94,9 +95,6 @@ def hunt(
     return Hunt(found.particles, _without_nan(found.margins))
 
 
-_points = jax.jit(shell_points, static_argnums=0)
-
-
 def _without_nan(margins: Float[np.ndarray, "r f k"]) -> Float[np.ndarray, "r f k"]:
     """A particle that met NaN says nothing; a candidate of which none says anything has no margin at all."""
     lost = np.isnan(margins)
@@ -162,7 +160,7 @@ def falsify(
     stations = np.concatenate([hunted.particles.station.ravel() for hunted in found])
     worst = [int(np.argmin(margins))]
     w, s, station = rows[worst, :-1], rows[worst, -1], stations[worst]
-    x, q, _ = _points(funnel.template, here, factor[0, 0], funnel.rate, w, s, station)
+    x, q, _ = traced(shell_points, funnel.template)(here, factor[0, 0], funnel.rate, w, s, station)
     begin, until = float(here.begin[stations[worst[0]]]), float(here.end[stations[worst[0]]])
     theta = _theta_in_shell(funnel, begin, min(until, last), float(np.asarray(q)[0]))
     note("d", margins.min(), theta, np.asarray(x)[0])

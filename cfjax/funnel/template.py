@@ -25,13 +25,20 @@ import abc
 import math
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from cfjax.coerce import one_of
 from cfjax.problem.vehicle import Scalar
 
 
 LEAST_CHANGE = 1e-3  # of rate · duration, where the funnel has to shrink
+
+
+def _exp(value: Scalar) -> Scalar:
+    """NumPy's of plain numbers: JAX compiles a program for each shape that it has not met."""
+    return jnp.exp(value) if isinstance(value, jax.Array) else np.exp(value)
 
 
 class Template(abc.ABC):
@@ -122,23 +129,23 @@ class Contracting(Template):
     rate_name = "rate"
 
     def level(self, rate: Scalar, theta: Scalar) -> Scalar:
-        return jnp.exp(-rate * theta)
+        return _exp(-rate * theta)
 
     def value(self, rate: Scalar, theta: Scalar, q: Scalar) -> Scalar:
-        return jnp.exp(rate * theta) * q
+        return _exp(rate * theta) * q
 
     def scale(self, rate: Scalar, theta: Scalar) -> Scalar:
-        return jnp.exp(rate * theta)
+        return _exp(rate * theta)
 
     def timing(self, rate: Scalar, q: Scalar) -> Scalar:
         return rate * q
 
     def shell(self, rate: Scalar, begin: Scalar, end: Scalar, beta_inner: Scalar) -> tuple[Scalar, Scalar]:
-        first, last = jnp.exp(-rate * begin), jnp.exp(-rate * end)
+        first, last = _exp(-rate * begin), _exp(-rate * end)
         return beta_inner * jnp.minimum(first, last), jnp.maximum(first, last)
 
     def drop(self, rate: Scalar, begin: Scalar, end: Scalar, beta_lower: Scalar, q: Scalar) -> Scalar:
-        return jnp.minimum(q / beta_lower, jnp.maximum(jnp.exp(-rate * begin), jnp.exp(-rate * end)))
+        return jnp.minimum(q / beta_lower, jnp.maximum(_exp(-rate * begin), _exp(-rate * end)))
 
     def change_bounds(self, beta_lower: float, may_grow: bool) -> tuple[float, float]:
         return (-2.0 if may_grow else LEAST_CHANGE), 20.0

@@ -21,6 +21,7 @@ from cfjax.funnel.conditions import chain_excess, dual_coordinates
 from cfjax.funnel.instance import Chain, Instance, Unit, chain_of
 from cfjax.funnel.levels import inner_level
 from cfjax.problem import Method, Problem
+from cfjax.traced import traced
 
 
 LEARN = Schedule(steps=1500, learning_rate=(0.06, 6e-4), temperature=(0.1, 7e-4), step=(0.1, 1e-3))
@@ -227,10 +228,7 @@ def _merge(
 
 def _excess(template: Template, chain: Chain, inverses: Float[np.ndarray, "f n n"], rates: np.ndarray) -> float:
     """Largest relative excess of (a), (b), (c) and the links, for C⁻¹ and rates: below zero where they hold."""
-    return float(_compiled_excess(template, chain, np.linalg.cholesky(inverses), rates).max())
-
-
-_compiled_excess = jax.jit(chain_excess, static_argnums=0)
+    return float(np.asarray(traced(chain_excess, template)(chain, np.linalg.cholesky(inverses), rates)).max())
 
 
 def _excess_of(chain: Chain, funnels: Funnels) -> float:

@@ -5,7 +5,6 @@ What a step does not know is where the reference comes from: along a path it is 
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -17,6 +16,7 @@ from cfjax.control import Law, LawNumbers
 from cfjax.funnel import Funnel, Template
 from cfjax.problem import Ellipsoid, Problem, ReferencePoint, Vehicle, affine_along, deviation_rate
 from cfjax.problem.input_box import InputBox
+from cfjax.traced import traced
 
 
 RK4_NODES = (0.0, 0.5, 0.5, 1.0)
@@ -58,11 +58,11 @@ Reference = Callable[[Array], tuple[ReferencePoint, ReferencePoint]]
 
 def sample_starts(key: Array, inlet: Ellipsoid, count: int) -> Float[Array, "count n"]:
     """Random deviations of I: one half uniform in the volume, the other on the boundary."""
-    return _sampled(key, np.array(inlet.half_axes), count)
+    return traced(_sampled, count)(jax.random.key_data(key), np.array(inlet.half_axes))
 
 
-@partial(jax.jit, static_argnums=2)
-def _sampled(key: Array, axes: Float[Array, " n"], count: int) -> Float[Array, "count n"]:
+def _sampled(count: int, key: Array, axes: Float[Array, " n"]) -> Float[Array, "count n"]:
+    key = jax.random.wrap_key_data(key)
     key_direction, key_radius = jax.random.split(key)
     direction = jax.random.normal(key_direction, (count, len(axes)))
     direction = direction / jnp.linalg.norm(direction, axis=1, keepdims=True)

@@ -9,7 +9,6 @@ have a kink no car is stopped: a step across it is off by O(h²).
 import itertools
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -45,6 +44,7 @@ from cfjax.traced import Traced, traced
 STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at most twice as many
 STEP_SHARE = 1 / 5  # of the funnel scaled to a half-width of 1 rad in heading: per step at full inputs, at most
 JUMP = 1e-6  # relative to the largest along the path: less is rounding
+SHARED = 1000  # cars, from which on they are driven in two shares
 SAMPLES = 4096  # of inputs that are looked at together: one compiled program for any number of them
 MEETS = 1e-9  # relative to the path's duration: what rounding may leave between an end and what it should meet
 
@@ -238,10 +238,19 @@ def _step(
 
 
 class _Asked(NamedTuple):
-    """A question to `drive`: the compiled program, and what it is given."""
+    """A question to `drive`: the compiled program, and what it is given for each share of the cars."""
 
     program: Traced
-    arguments: tuple[Legs, Pieces, tuple[Pieces, Surroundings] | None, Float[Array, "k n"], int, int]
+    arguments: list[tuple[Legs, Pieces, tuple[Pieces, Surroundings] | None, Float[Array, "k n"], int, int]]
+
+    @property
+    def end(self) -> float:
+        """θ (s) of the path's end."""
+        return self.arguments[0][0].loop.end[-1]
+
+    def answer(self) -> tuple[Driven, Record]:
+        """The cars of all shares, which are driven at the same time."""
+        return jax.tree.map(lambda *shares: np.concatenate(shares, axis=-1), *self.program.side_by_side(self.arguments))
 
 
 def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law) -> _Asked:
@@ -264,7 +273,10 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
     every = math.ceil(limit / MOST_ROWS)
     starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
     program = traced(drive, problem.vehicle, template, law, MOST_ROWS + 1, max(1, cars // RECORDED))
-    return _Asked(program, (table, profiles, around, starts, limit, every))
+    shares = 2 if cars >= SHARED and cars % 2 == 0 else 1
+    return _Asked(
+        program, [(table, profiles, around, own, limit, every) for own in np.split(np.asarray(starts), shares)]
+    )
 
 
 def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = MinNorm()) -> None:
@@ -276,7 +288,7 @@ def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = 
         for segment, end in zip(problem.path.curve, ends, strict=True)
     ]
     asked = _asked(problem, legs, cars, 0, law)
-    asked.program.prepare(*asked.arguments)
+    asked.program.prepare(*asked.arguments[0])
     inputs_along(problem, legs, np.zeros((1, 1)), np.zeros((1, 1, problem.dimension)), law)
 
 
@@ -296,10 +308,10 @@ def drive_cars(
         InputError: where the legs do not lead along the path, or their funnels have several templates.
     """
     asked = _asked(problem, legs, cars, seed, law)
-    (last, _, clear), history = jax.tree.map(np.asarray, asked.program(*asked.arguments))
+    (last, _, clear), history = asked.answer()
     rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)
-    arrived = last.theta >= asked.arguments[0].loop.end[-1]
+    arrived = last.theta >= asked.end
     largest, clock = last.largest_value, last.clock[arrived]
     inside = (last.worst_safe <= 1 + ROUNDING) & (clear >= -ROUNDING)
     summary = ClosedLoop(
@@ -314,7 +326,6 @@ def drive_cars(
     return summary, Rollouts(clock, theta, np.stack(history.x, axis=-1)[:rows], value)
 
 
-@partial(jax.jit, static_argnames=("vehicle", "template", "law"))
 def _inputs(
     vehicle: Vehicle,
     template: Template,
@@ -357,7 +368,7 @@ def inputs_along(
     spare = -len(flat) % SAMPLES
     flat = np.concatenate([flat, np.repeat(flat[-1:], spare)])
     states = np.concatenate([states, np.repeat(states[-1:], spare, axis=0)])
-    found = []
+    inputs, found = traced(_inputs, problem.vehicle, template, law), []
     for at in range(0, len(flat), SAMPLES):
         now, there = flat[at : at + SAMPLES], states[at : at + SAMPLES]
         leg = np.minimum(np.searchsorted(ends, now, side="right"), len(legs) - 1)
@@ -365,5 +376,5 @@ def inputs_along(
         point = jax.tree.map(lambda values: np.broadcast_to(values, (SAMPLES,)), point_at(profiles, piece, now))
         numbers = jax.tree.map(lambda leaf, leg=leg: np.moveaxis(leaf[leg], 0, -1), table)
         since = np.concatenate([[0.0], ends[:-1]])[leg]
-        found.append(_inputs(problem.vehicle, template, law, numbers, point, now - since, tuple(there.T)))
+        found.append(np.asarray(inputs(numbers, point, now - since, tuple(there.T))))
     return np.concatenate(found, axis=1).T[: theta.size].reshape(*theta.shape, -1)
