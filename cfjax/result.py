@@ -100,16 +100,15 @@ class Rollouts:
     """Recorded cars: clock and θ (s), deviations, and V; axes (time, car[, state]). Arrived cars stay at θ = T.
 
     θ counts along the whole path, over all its segments; V is that of the funnel in which the car is.
-    In a tube every car has a path of its own, and `reference` is the pose on it: heading in rad, position in m; there
-    `inputs` are recorded too, which along a path follow from the law (`cfjax.simulation.inputs_along`).
+    In a tube every car has a path of its own, and `reference` is the pose on it: heading in rad, position in m.
     """
 
     clock: Float[np.ndarray, "t k"]
     theta: Float[np.ndarray, "t k"]
     x: Float[np.ndarray, "t k n"]
     value: Float[np.ndarray, "t k"]
+    inputs: Float[np.ndarray, "t k m"]  # (u0, *vehicle inputs) that the law takes there
     reference: Float[np.ndarray, "t k 3"] | None = None
-    inputs: Float[np.ndarray, "t k m"] | None = None  # (u0, *vehicle inputs)
 
 
 @dataclass(frozen=True)

@@ -112,25 +112,29 @@ def enter(template: Template, loop: Loop, cars: Cars) -> Cars:
     return cars._replace(value=now, largest_value=jnp.maximum(cars.largest_value, now))
 
 
-def advance(vehicle: Vehicle, template: Template, law: Law, loop: Loop, reference: Reference, cars: Cars) -> Cars:
-    """One RK4 step; a car that passes the end is put where it crossed, one that is there stays.
+def advance(
+    vehicle: Vehicle, template: Template, law: Law, loop: Loop, reference: Reference, cars: Cars
+) -> tuple[Cars, tuple[Array, ...]]:
+    """One RK4 step, and the inputs (u0, *vehicle inputs) that the law takes where it begins.
+
+    A car that passes the end is put where it crossed, one that is there stays.
 
     Where it crossed is known to third order in the step (dense output), so that ends on the way cost no accuracy.
     """
 
-    def rate(z: tuple[Array, ...]) -> tuple[Array, ...]:
-        theta, *x = z
+    def stage(k: tuple[Array, ...], node: Array) -> tuple[tuple[Array, ...], tuple]:
+        theta, *x = (a + node * loop.step * b for a, b in zip(z, k, strict=True))
         actual, seen = reference(theta)
-        inputs = law(vehicle, template, loop.numbers, seen, theta - loop.begin, x)
-        return inputs[0], *deviation_rate(vehicle, x, inputs, actual)
-
-    def stage(k: tuple[Array, ...], node: Array) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-        k = rate(tuple(a + node * loop.step * b for a, b in zip(z, k, strict=True)))
-        return k, k
+        inputs = tuple(
+            jnp.broadcast_to(each, theta.shape)
+            for each in law(vehicle, template, loop.numbers, seen, theta - loop.begin, x)
+        )
+        k = inputs[0], *deviation_rate(vehicle, x, inputs, actual)
+        return k, (k, inputs)
 
     # a loop over the four stages, not four copies: compiling the law once takes a quarter of the time
     z = (cars.theta, *cars.x)
-    _, stages = jax.lax.scan(stage, tuple(jnp.zeros_like(a) for a in z), jnp.array(RK4_NODES))
+    _, (stages, inputs) = jax.lax.scan(stage, tuple(jnp.zeros_like(a) for a in z), jnp.array(RK4_NODES))
 
     def mean(ks: Array) -> list[Array]:
         """Of the slope up to a share of the step: coefficients of its powers."""
@@ -156,4 +160,4 @@ def advance(vehicle: Vehicle, template: Template, law: Law, loop: Loop, referenc
         clock=cars.clock + share * loop.step,
         worst_safe=jnp.maximum(cars.worst_safe, _safe_share(loop, x)),
     )
-    return enter(template, loop, moving)
+    return enter(template, loop, moving), tuple(each[0] for each in inputs)

@@ -17,11 +17,11 @@ import numpy as np
 from jax import export
 from jaxtyping import Array, Float, Int
 
-from cfjax.coerce import array, instances, objects, refuse, whole
-from cfjax.control import Law, LawNumbers, MinNorm, leg_numbers
+from cfjax.coerce import instances, objects, whole
+from cfjax.control import Law, MinNorm, leg_numbers
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, Template
-from cfjax.problem import Problem, ReferencePoint, Vehicle
+from cfjax.problem import Problem, Vehicle
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 from cfjax.result import ClosedLoop, Rollouts
 from cfjax.simulation.clearance import Surroundings, clearance, surroundings
@@ -45,7 +45,6 @@ STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at
 STEP_SHARE = 1 / 5  # of the funnel scaled to a half-width of 1 rad in heading: per step at full inputs, at most
 JUMP = 1e-6  # relative to the largest along the path: less is rounding
 SHARED = 1000  # cars, from which on they are driven in two shares
-SAMPLES = 4096  # of inputs that are looked at together: one compiled program for any number of them
 MEETS = 1e-9  # relative to the path's duration: what rounding may leave between an end and what it should meet
 
 
@@ -78,6 +77,7 @@ class Record(NamedTuple):
     theta: Array
     x: tuple[Array, ...]
     value: Array
+    inputs: tuple[Array, ...]
 
 
 for _kind in (Cars, Driven, Record):
@@ -100,7 +100,8 @@ def drive(
     """All cars, driven until each has arrived, at most `limit` steps; `obstacles` come with the poses along the path.
 
     Returns their final states, and a record of each `stride`-th car before each `every`-th step: leading axis time, so
-    many rows; those after the last arrival repeat it. One compiled program serves ways of every length.
+    many rows; those after the last arrival repeat it. A last step, in which no car moves any more, tells the inputs
+    there. One compiled program serves ways of every length.
     """
     final = legs.first.shape[0] - 1
     finish = legs.loop.end[final]
@@ -121,35 +122,40 @@ def drive(
         own = jax.lax.cond(jnp.any(leg != driven.leg), lambda: legs.of(leg), lambda: own)
         return driven._replace(cars=enter(template, own.loop, driven.cars), leg=leg), own
 
-    def running(carry: tuple[Array, Driven, Legs, Record]) -> Array:
-        return (carry[0] < limit) & jnp.any(carry[1].cars.theta < finish)
+    def running(carry: tuple[Array, Array, Driven, Legs, Record, Record]) -> Array:
+        count, is_moving, *_ = carry
+        return (count < limit) & is_moving
 
-    def recorded(driven: Driven) -> Record:
-        cars = driven.cars
-        return jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, cars.value))
+    def recorded(cars: Cars, inputs: tuple[Array, ...]) -> Record:
+        return jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, cars.value, inputs))
 
-    def step(carry: tuple[Array, Driven, Legs, Record]) -> tuple[Array, Driven, Legs, Record]:
-        count, driven, own, history = carry
+    def step(carry: tuple[Array, Array, Driven, Legs, Record, Record]) -> tuple:
+        count, _, driven, own, history, _ = carry
         driven, own = entered(driven, own)
-        row = jnp.where(count % every == 0, count // every, rows)  # beyond the last: dropped
-        history = jax.tree.map(lambda past, now: past.at[row].set(now, mode="drop"), history, recorded(driven))
 
         def reference(theta: Array) -> tuple:
             # the leg's own pieces go on beyond its ends: a step that passes one does not see what follows
             point = point_at(profiles, jnp.clip(profiles.find(theta), own.first, own.last), theta)
             return point, point
 
-        cars = advance(vehicle, template, law, own.loop, reference, driven.cars)
-        return count + 1, Driven(cars, driven.leg, jnp.minimum(driven.clearance, apart(cars))), own, history
+        cars, inputs = advance(vehicle, template, law, own.loop, reference, driven.cars)
+        before = recorded(driven.cars, inputs)
+        row = jnp.where(count % every == 0, count // every, rows)  # beyond the last: dropped
+        history = jax.tree.map(lambda past, now: past.at[row].set(now, mode="drop"), history, before)
+        is_moving = jnp.any(driven.cars.theta < finish)
+        driven = Driven(cars, driven.leg, jnp.minimum(driven.clearance, apart(cars)))
+        return count + 1, is_moving, driven, own, history, before
 
     none = jnp.zeros(starts.shape[0], int)
     own = legs.of(none)
     cars = start(template, own.loop, starts)
     driven = Driven(cars, none, apart(cars))
-    empty = jax.tree.map(lambda now: jnp.zeros((rows, *now.shape)), recorded(driven))
-    count, driven, _, history = jax.lax.while_loop(running, step, (jnp.zeros((), int), driven, own, empty))
+    nothing = recorded(cars, (jnp.zeros_like(cars.theta),) * (1 + len(vehicle.input_names)))
+    empty = jax.tree.map(lambda now: jnp.zeros((rows, *now.shape)), nothing)
+    begin = (jnp.zeros((), int), jnp.ones((), bool), driven, own, empty, nothing)
+    count, _, driven, _, history, last = jax.lax.while_loop(running, step, begin)
     after = jnp.arange(rows)[:, None] * every >= count
-    history = jax.tree.map(lambda past, now: jnp.where(after, now[None], past), history, recorded(driven))
+    history = jax.tree.map(lambda past, now: jnp.where(after, now[None], past), history, last)
     return driven, history
 
 
@@ -241,7 +247,7 @@ class _Asked(NamedTuple):
     """A question to `drive`: the compiled program, and what it is given for each share of the cars."""
 
     program: Traced
-    arguments: list[tuple[Legs, Pieces, tuple[Pieces, Surroundings] | None, Float[Array, "k n"], int, int]]
+    arguments: list[tuple[Legs, Pieces, tuple[Pieces, Surroundings] | None, Float[np.ndarray, "k n"], int, int]]
 
     @property
     def end(self) -> float:
@@ -280,7 +286,7 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
 
 
 def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = MinNorm()) -> None:
-    """Compile what `drive_cars` and `inputs_along` ask for once all segments have funnels; any will do for that."""
+    """Compile what `drive_cars` asks for once all segments have funnels; any will do for that."""
     shape = np.diag(1 / np.array(problem.inlet.half_axes) ** 2)
     ends = np.cumsum([segment.duration for segment in problem.path.curve])
     legs = [
@@ -289,7 +295,6 @@ def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = 
     ]
     asked = _asked(problem, legs, cars, 0, law)
     asked.program.prepare(*asked.arguments[0])
-    inputs_along(problem, legs, np.zeros((1, 1)), np.zeros((1, 1, problem.dimension)), law)
 
 
 def drive_cars(
@@ -322,59 +327,6 @@ def drive_cars(
         largest_value=float(largest.max()),
         arrival=(float(clock.min()), float(clock.max())) if clock.size else None,
     )
-    clock, theta, value = (kept[:rows] for kept in (history.clock, history.theta, history.value))
-    return summary, Rollouts(clock, theta, np.stack(history.x, axis=-1)[:rows], value)
-
-
-def _inputs(
-    vehicle: Vehicle,
-    template: Template,
-    law: Law,
-    numbers: LawNumbers,
-    point: ReferencePoint,
-    theta: Float[Array, " k"],
-    x: tuple[Array, ...],
-) -> Float[Array, "m k"]:
-    return jnp.stack(
-        [jnp.broadcast_to(value, theta.shape) for value in law(vehicle, template, numbers, point, theta, x)]
-    )
-
-
-def inputs_along(
-    problem: Problem,
-    legs: Sequence[Leg],
-    theta: Float[np.ndarray, "t k"],
-    x: Float[np.ndarray, "t k n"],
-    law: Law = MinNorm(),
-) -> Float[np.ndarray, "t k m"]:
-    """The inputs (u0, *vehicle inputs) that the law takes at recorded θ (s, along the whole path) and deviations.
-
-    As in `drive_cars`; where a leg ends, or the path jumps, those of what follows.
-
-    Raises:
-        InputError: where the legs do not lead along the path, or their funnels have several templates.
-    """
-    legs = _checked(problem, legs)
-    objects(law=(law, Law))
-    theta, x = array("theta", theta, (None, None)), array("x", x, (None, None, problem.dimension))
-    if theta.shape != x.shape[:2]:
-        refuse("theta", f"an array of shape {x.shape[0]} × {x.shape[1]}, as x has", theta)
-    template = _template(legs)
-    profiles = profiles_of(problem.path)
-    own = [leg_numbers(problem, leg) for leg in legs]
-    table = jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *own)
-    ends = np.array([leg.end for leg in legs])
-    flat, states = theta.ravel(), x.reshape(-1, x.shape[-1])
-    spare = -len(flat) % SAMPLES
-    flat = np.concatenate([flat, np.repeat(flat[-1:], spare)])
-    states = np.concatenate([states, np.repeat(states[-1:], spare, axis=0)])
-    inputs, found = traced(_inputs, problem.vehicle, template, law), []
-    for at in range(0, len(flat), SAMPLES):
-        now, there = flat[at : at + SAMPLES], states[at : at + SAMPLES]
-        leg = np.minimum(np.searchsorted(ends, now, side="right"), len(legs) - 1)
-        piece = np.clip(np.searchsorted(profiles.begin, now, side="right") - 1, 0, len(profiles.begin) - 1)
-        point = jax.tree.map(lambda values: np.broadcast_to(values, (SAMPLES,)), point_at(profiles, piece, now))
-        numbers = jax.tree.map(lambda leaf, leg=leg: np.moveaxis(leaf[leg], 0, -1), table)
-        since = np.concatenate([[0.0], ends[:-1]])[leg]
-        found.append(np.asarray(inputs(numbers, point, now - since, tuple(there.T))))
-    return np.concatenate(found, axis=1).T[: theta.size].reshape(*theta.shape, -1)
+    clock, theta, value = (np.asarray(kept)[:rows] for kept in (history.clock, history.theta, history.value))
+    x, inputs = (np.stack(kept, axis=-1)[:rows] for kept in (history.x, history.inputs))
+    return summary, Rollouts(clock, theta, x, value, inputs)

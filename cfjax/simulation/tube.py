@@ -223,14 +223,10 @@ def drive_tube(
         seen = path_point(jnp.where(crew.blind, middle, kappa.value), paths.speed, held)
         imposed = tuple(jnp.where(crew.robust, end, kappa.value) for end in bounds.curvature)
         moving = loop._replace(numbers=loop.numbers._replace(curvature=imposed), step=clock)
-        after = advance(vehicle, template, MinNorm(), moving, going_on(actual, seen, cars.theta), cars)
+        after, inputs = advance(vehicle, template, MinNorm(), moving, going_on(actual, seen, cars.theta), cars)
         speed = jnp.clip(paths.speed + held * (after.theta - cars.theta), lower, upper)
-        kept = jax.tree.map(lambda now: now[::stride], (imposed, seen, cars.theta, cars.x))
-        told = moving.numbers._replace(curvature=kept[0])
-        inputs = MinNorm()(vehicle, template, told, *kept[1:])
-        record = jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, actual, ()))
-        carry = after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))
-        return carry, record._replace(inputs=inputs)
+        record = jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, actual, inputs))
+        return (after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))), record
 
     cars = start(template, loop, starts)
     (cars, _, worst_goal), history = jax.lax.scan(step, (cars, paths, goal_share(cars.x)), jnp.arange(steps))
@@ -352,4 +348,4 @@ def drive_tube_cars(
     x = np.stack(history.x, axis=-1)[shown]
     theta, clock = np.asarray(history.theta)[shown], np.asarray(history.clock)[shown]
     inputs = np.stack(history.inputs, axis=-1)[shown]
-    return summary, Rollouts(clock, theta, x, funnel.value(theta, x), poses[shown], inputs)
+    return summary, Rollouts(clock, theta, x, funnel.value(theta, x), inputs, poses[shown])

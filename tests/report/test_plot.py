@@ -97,7 +97,7 @@ def _with_cars(result: Result) -> Result:
     end = sum(segment.duration for segment in result.problem.path.curve)
     theta = np.linspace(0.0, end, 50)[:, None] * np.ones((1, 3))
     x = np.zeros((50, 3, 4)) + 0.05 * np.arange(3)[None, :, None]
-    return result.replace(rollouts=(Rollouts(theta, theta, x, 0.5 * np.exp(-theta)),))
+    return result.replace(rollouts=(Rollouts(theta, theta, x, 0.5 * np.exp(-theta), np.ones((50, 3, 3))),))
 
 
 def _certified(result: Result) -> Result:

@@ -120,7 +120,7 @@ def test_integration_is_of_fourth_order() -> None:
     def end(steps: int) -> np.ndarray:
         loop, advance, cars = smooth_loop(np.inf, 0.4 / steps)
         for _ in range(steps):
-            cars = advance(loop=loop, cars=cars)
+            cars, _ = advance(loop=loop, cars=cars)
         return np.array([cars.theta, *cars.x])
 
     steps = np.array([5, 10, 20])
@@ -135,8 +135,8 @@ def test_a_car_that_passes_the_end_is_where_it_crossed() -> None:
     def end(step: float) -> np.ndarray:
         loop, advance, cars = smooth_loop(0.1, step)
         while cars.theta[0] < 0.1:
-            cars = advance(loop=loop, cars=cars)
-        stays = advance(loop=loop, cars=cars)
+            cars, _ = advance(loop=loop, cars=cars)
+        stays, _ = advance(loop=loop, cars=cars)
         assert cars.theta[0] == 0.1
         np.testing.assert_array_equal([*cars.x, cars.clock], [*stays.x, stays.clock])
         return np.array([cars.clock, *cars.x])
@@ -329,6 +329,18 @@ def test_cars_arrive_and_are_counted() -> None:
     assert (np.diff(rollouts.theta, axis=0) >= 0).all()
     np.testing.assert_allclose(rollouts.value, FUNNEL.value(rollouts.theta, rollouts.x))
     assert rollouts.value.max() <= summary.largest_value + 1e-12
+
+
+def test_inputs_are_recorded_as_the_law_takes_them() -> None:
+    """At every recorded state, the last one too, in which the cars have arrived."""
+    _, cars = drive_cars(PROBLEM, [LEG], cars=48)
+    numbers, point = law_numbers(PROBLEM, FUNNEL, LEG.margin), SEGMENT.point(0.0)
+    for row in (0, len(cars.clock) // 2, -1):
+        for car in (0, 7, 23):
+            state = (float(cars.theta[row, car]), [float(value) for value in cars.x[row, car]])
+            wanted = MinNorm()(PROBLEM.vehicle, FUNNEL.template, numbers, point, *state)
+            np.testing.assert_allclose(cars.inputs[row, car], [float(value) for value in wanted], atol=1e-9)
+    assert (cars.theta[-1] == LEG.end).all() and np.ptp(cars.inputs[:, 0, 0]) > 0
 
 
 def test_a_long_way_is_recorded_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,7 +100,7 @@ def test_steps_are_fine_enough() -> None:
 
             def forward(_, now):
                 reference = going_on(point, point, now.theta)
-                return advance(PROBLEM.vehicle, FUNNEL.template, MinNorm(), loop, reference, now)
+                return advance(PROBLEM.vehicle, FUNNEL.template, MinNorm(), loop, reference, now)[0]
 
             cars = jax.lax.fori_loop(0, pieces, forward, cars)
             return cars, jnp.stack(cars.x, axis=-1)

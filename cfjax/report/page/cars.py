@@ -10,7 +10,6 @@ from jaxtyping import Float
 from cfjax.report.plane import Course, positions
 from cfjax.report.style import CAR_COLOURS, rotation
 from cfjax.result import Result, Rollouts
-from cfjax.simulation import inputs_along
 
 
 POINTS = 5000  # of all cars together
@@ -32,11 +31,10 @@ class Car(NamedTuple):
 
 def cars_of(result: Result, course: Course | None) -> list[Car]:
     """The recorded cars, thinned; none where none were driven. `course` is the path's, or None for a tube."""
-    return [car for cars in result.rollouts for car in _cars(result, course, cars)]
+    return [car for cars in result.rollouts for car in _cars(course, cars)]
 
 
-def _cars(result: Result, course: Course | None, cars: Rollouts) -> Iterator[Car]:
-    problem = result.problem
+def _cars(course: Course | None, cars: Rollouts) -> Iterator[Car]:
     along = cars.theta if cars.reference is None else ways_of(cars)
     way = float(along[-1].max())
     if course is not None:
@@ -48,16 +46,14 @@ def _cars(result: Result, course: Course | None, cars: Rollouts) -> Iterator[Car
         last = int(np.argmax(along[:, car]))
         kept.append(np.linspace(0, last, rows).round().astype(int))
     rows_of, each = np.stack(kept, axis=1), np.arange(count)[None, :]
-    theta, x = cars.theta[rows_of, each], cars.x[rows_of, each]
+    theta, x, inputs = (values[rows_of, each] for values in (cars.theta, cars.x, cars.inputs))
     if course is not None:
         place = positions(course, theta, x)
-        inputs = inputs_along(problem, result.legs, theta, x)
     else:
-        assert cars.reference is not None and cars.inputs is not None
+        assert cars.reference is not None
         pose = cars.reference[rows_of, each]
         turns = rotation(pose[..., 0].ravel()).reshape(*theta.shape, 2, 2)
         place = pose[..., 1:] + np.einsum("tkij,tkj->tki", turns, x[..., 1:3])
-        inputs = cars.inputs[rows_of, each]
     clock, value, along = cars.clock[rows_of, each], cars.value[rows_of, each], along[rows_of, each]
     for car in range(count):
         until = 1 + math.floor(np.argmax(along[:, car]))
