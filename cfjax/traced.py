@@ -29,6 +29,7 @@ from jax import export
 
 
 PACKAGE = Path(__file__).parent
+UNKNOWN_OPTION = "No such compile option"
 FOLDER = "traced"  # within JAX's compilation cache
 
 
@@ -72,8 +73,17 @@ class Traced:
         if shapes not in self.programs:
             with self._making.setdefault(shapes, Lock()):
                 if shapes not in self.programs:
-                    self.programs[shapes] = self._lowered(shapes, leaves).compile(self.options)
+                    self.programs[shapes] = self._compiled(self._lowered(shapes, leaves))
         return self.programs[shapes], leaves
+
+    def _compiled(self, lowered: jax.stages.Lowered) -> Callable[..., Any]:
+        """Without the options where this version of XLA does not know one of them: they save time, and no more."""
+        try:
+            return lowered.compile(self.options)
+        except jax.errors.JaxRuntimeError as error:
+            if UNKNOWN_OPTION not in str(error):
+                raise
+            return lowered.compile()
 
     def _lowered(self, shapes: tuple, leaves: list[Any]) -> jax.stages.Lowered:
         tree = shapes[0]

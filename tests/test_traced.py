@@ -54,6 +54,18 @@ def test_a_program_is_traced_once_for_each_shape_and_static_value() -> None:
     assert calls == ["one", "one", "two"]
 
 
+def test_a_version_of_xla_may_lack_an_option() -> None:
+    first, _ = traced(doubled, "one", options=(("xla_cpu_nothing_of_the_kind", False),))((np.arange(3), 7))
+    assert first.tolist() == [0, 2, 4]
+
+
+def test_shares_are_answered_in_their_order() -> None:
+    shares = traced(doubled, "one").side_by_side([((np.arange(3) + k, k),) for k in range(5)])
+    assert [(first.tolist(), int(second)) for first, second in shares] == [
+        ([2 * k, 2 * k + 2, 2 * k + 4], k) for k in range(5)
+    ]
+
+
 def test_threads_that_ask_at_once_make_it_once() -> None:
     with ThreadPoolExecutor(8) as pool:
         assert all(pool.map(lambda _: is_right("one"), range(8)))

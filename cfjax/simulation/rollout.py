@@ -252,7 +252,7 @@ class _Asked(NamedTuple):
     @property
     def end(self) -> float:
         """θ (s) of the path's end."""
-        return self.arguments[0][0].loop.end[-1]
+        return float(np.asarray(self.arguments[0][0].loop.end)[-1])
 
     def answer(self) -> tuple[Driven, Record]:
         """The cars of all shares, which are driven at the same time."""

@@ -30,7 +30,9 @@ SECOND_STACK = 2  # at least, below the largest degree: bounds of V̇ (one block
 LANES = {"cpu": 1}  # programs that are solved in lockstep; on a CPU one by one is faster, cores work side by side
 LANES_ELSEWHERE = 64
 
-_solve_one = traced(solve_one, options=(("xla_cpu_multi_thread_eigen", False),))
+# products this small wait for threads; XLA's older emitters take half as long to compile, and run as fast here
+_OPTIONS = ("xla_cpu_multi_thread_eigen", False), ("xla_cpu_use_fusion_emitters", False)
+_solve_one = traced(solve_one, options=_OPTIONS)
 _solve_many = traced(solve_many)
 
 
