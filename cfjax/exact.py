@@ -13,12 +13,14 @@ from typing import Any, NamedTuple
 from flint import acb, arb, fmpq
 
 from cfjax.check.bounds import Bounds
+from cfjax.check.clearance import FootprintClaim, ObstacleClaim
 from cfjax.check.piece import Piece
 from cfjax.check.polynomial import Coefficients, evaluate, shifted
 from cfjax.check.rational import decimal_text, rational, upper_bound
 from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
+from cfjax.check.surroundings import Clearance, Surroundings
 from cfjax.errors import InputError
-from cfjax.problem import Interval, Tube
+from cfjax.problem import FootprintDisc, Interval, Obstacle, Tube
 from cfjax.problem.path import Path, Segment
 
 
@@ -39,6 +41,17 @@ def exact_bounds(tube: Tube) -> Bounds:
     """The bounds of a tube in exact numbers, each end as the decimal that it prints as."""
     intervals = tube.curvature, tube.speed, tube.acceleration
     return Bounds(*((rational(float(ends.lower)), rational(float(ends.upper))) for ends in intervals))
+
+
+def exact_surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> Surroundings:
+    """Obstacles and the body that has to clear them; without obstacles neither."""
+    if not obstacles:
+        return Surroundings()
+    hulls = (tuple((rational(float(x)), rational(float(y))) for x, y in each.corners) for each in obstacles)
+    return Surroundings(
+        tuple(ObstacleClaim(hull, rational(each.round)) for hull, each in zip(hulls, obstacles, strict=True)),
+        tuple(FootprintClaim(*exact_numbers(disc)) for disc in footprint),
+    )
 
 
 @dataclass(frozen=True)
@@ -208,4 +221,26 @@ def write_pieces(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
             "speed": [str(c) for c in piece.speed],
         }
         for piece in pieces
+    ]
+
+
+def write_surroundings(surroundings: Surroundings) -> dict[str, Any]:
+    """Obstacles, and the discs of the body."""
+    return {
+        "obstacles": [
+            {"corners": [[str(x), str(y)] for x, y in obstacle.corners], "round": str(obstacle.round)}
+            for obstacle in surroundings.obstacles
+        ],
+        "footprint": [{"radius": str(disc.radius), "offset": str(disc.offset)} for disc in surroundings.footprint],
+    }
+
+
+def write_clearance(clearance: Clearance) -> list:
+    """Half-planes by span, obstacle and disc of the footprint."""
+    return [
+        [
+            [[{"end": str(plane.end), "normal": [str(n) for n in plane.normal]} for plane in disc] for disc in obstacle]
+            for obstacle in span
+        ]
+        for span in clearance
     ]

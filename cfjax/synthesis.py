@@ -72,8 +72,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
         _require_tubes(problem.vehicle)
         result = _by_tubes(problem, options, clock)
     elif (
-        problem.obstacles
-        or problem.authority != 1
+        problem.authority != 1
         or _is_short(problem.path)
         or not _fits_tubes(options)
         or not has_tube_structure(dynamics_of(problem.vehicle))

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from cfjax.certificate.clearance import NotClear, find_half_planes
+from cfjax.certificate.clearance import NotClear, find_clearance
 from cfjax.certificate.stretches import (
     Means,
     NotProven,
@@ -24,20 +24,20 @@ from cfjax.certificate.stretches import (
     round_funnel,
 )
 from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import dump, seal, write_clearance, write_decrease, write_funnel, write_problem
+from cfjax.certificate.writing import dump, seal, write_decrease, write_funnel, write_problem
 from cfjax.check import Outcome, check_document
 from cfjax.check.bounds import Bounds
-from cfjax.check.clearance import HalfPlane, Shadow
 from cfjax.check.containment import broken_containments
 from cfjax.check.document import MOST_GRAM_ENTRIES, ProblemClaim, read_problem
 from cfjax.check.graph import Graph
 from cfjax.check.meaning import require_meaning
-from cfjax.check.proof import broken_link, links
+from cfjax.check.proof import broken_link, links, spans_of
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken, Unreadable
 from cfjax.check.symbolic import symbolic
 from cfjax.coerce import function, instances, number, objects, whole
 from cfjax.errors import InputError
+from cfjax.exact import write_clearance
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
 from cfjax.funnel.funnel import require_fit
@@ -214,20 +214,8 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
         if reason := broken_link(first, course.segments[before].duration, second, gap):
             end = problem.path.segments[before].duration
             raise fail(f"from segment {before} to segment {after}: {reason}", place_on(problem.path, before, end, end))
-    planes: list[list[list[list[HalfPlane]]]] = []
-    for index, (segment, kind) in enumerate(zip(course.segments, kinds, strict=True)):
-        own, start = rounded[kind], course.reference.poses[index]
-        try:
-            planes.append(
-                [
-                    [
-                        find_half_planes(segment.pieces, start, Shadow(own.shape, own.level, disc), obstacle)
-                        for disc in claim.footprint
-                    ]
-                    for obstacle in claim.obstacles
-                ]
-            )
-        except NotClear as error:
-            place = place_on(problem.path, index, error.theta, error.theta)
-            raise fail(f"condition (c), segment {index}: {error}", place) from None
-    return write_clearance(planes) if claim.obstacles else []
+    try:
+        return write_clearance(find_clearance(claim.surroundings, spans_of(course, written)))
+    except NotClear as error:
+        place = place_on(problem.path, error.span, error.theta, error.theta)
+        raise fail(f"condition (c), segment {error.span}: {error}", place) from None

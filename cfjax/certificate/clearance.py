@@ -27,6 +27,7 @@ from cfjax.check.clearance import (
 from cfjax.check.enclosure import Budget
 from cfjax.check.piece import Piece, between
 from cfjax.check.reference import ExactPose
+from cfjax.check.surroundings import Clearance, Span, Surroundings
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
 
@@ -43,11 +44,13 @@ LARGEST_EFFORT = 2**9 * STRETCH_EFFORT  # of one half-plane's proof: a longer on
 
 
 class NotClear(ValueError):
-    """The body may touch the obstacle, as far as half-planes tell; `theta` (s) is where."""
+    """The body may touch an obstacle, as far as half-planes tell: at `theta` (s) of a span, by its number."""
 
     def __init__(self, message: str, theta: float) -> None:
         super().__init__(message)
         self.theta = theta
+        self.span = 0
+        self.obstacle = 0
 
 
 class _View(NamedTuple):
@@ -57,6 +60,30 @@ class _View(NamedTuple):
     theta: float  # where that is, s
     shared: float  # the least over θ along the one direction that is best for all
     angle: float  # of that direction, rad
+
+
+def find_clearance(surroundings: Surroundings, spans: Sequence[Span]) -> Clearance:
+    """Half-planes along every span that `prove_surroundings` accepts; none where there are no obstacles.
+
+    Raises:
+        NotClear: where the body may touch an obstacle.
+    """
+    found = []
+    for index, span in enumerate(spans if surroundings.obstacles else ()):
+        by_obstacle = []
+        for number, obstacle in enumerate(surroundings.obstacles):
+            try:
+                by_obstacle.append(
+                    tuple(
+                        tuple(find_half_planes(span.pieces, span.start, Shadow(span.shape, span.level, disc), obstacle))
+                        for disc in surroundings.footprint
+                    )
+                )
+            except NotClear as error:
+                error.span, error.obstacle = index, number
+                raise
+        found.append(tuple(by_obstacle))
+    return tuple(found)
 
 
 def find_half_planes(
@@ -86,14 +113,39 @@ def find_half_planes(
 
 def _look_everywhere(pieces: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim) -> None:
     """Raises NotClear where the clearance is least, if it is none: cheaper than to come there by half-planes."""
-    views = []
-    for piece in pieces:
-        views.append(_view([piece], pose, shadow, obstacle))
-        pose = pose.after(piece)
-    worst = min(views, key=lambda view: view.own)
-    if not worst.own > 0:
-        message = f"the body may reach {-worst.own:.3g} m into the obstacle at theta = {worst.theta:.6g} s"
-        raise NotClear(message, worst.theta)
+    theta, poses = poses_along(pieces, pose, SAMPLES)
+    level = np.asarray(template_named(shadow.level.name).level(float(shadow.level.rate), theta))
+    own = least_clearances(poses, level, shadow, obstacle)
+    worst = int(np.argmin(own))
+    if not own[worst] > 0:
+        at = float(theta[worst])
+        raise NotClear(f"the body may reach {-own[worst]:.3g} m into the obstacle at theta = {at:.6g} s", at)
+
+
+def poses_along(
+    pieces: Sequence[Piece], pose: ExactPose, samples: int
+) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, "t 3"]]:
+    """θ (s) and the reference's poses at so many places of each piece, both ends among them."""
+    ends = np.array([float(piece.theta) for piece in pieces] + [float(pieces[-1].theta + pieces[-1].duration)])
+    theta = np.linspace(ends[:-1], ends[1:], samples, axis=1).ravel()
+    return theta, _segment(pieces, pose).poses(theta - ends[0])
+
+
+def least_clearances(
+    poses: Float[np.ndarray, "t 3"], level: Float[np.ndarray, " t"], shadow: Shadow, obstacle: ObstacleClaim
+) -> Float[np.ndarray, " t"]:
+    """The clearance (m) of a disc of the body at each pose, along its own best direction; less where it is far."""
+    corners = np.array([[float(x), float(y)] for x, y in obstacle.corners])
+    middle = corners.mean(axis=0)
+    spread = np.array([[float(shadow.inverse[i, j]) for j in (1, 2)] for i in (1, 2)])
+    around = np.linalg.norm(corners - middle, axis=1).max() + float(obstacle.round) + float(shadow.disc.radius)
+    reach = np.sqrt(level * np.linalg.eigvalsh(spread)[-1]) + abs(float(shadow.disc.offset))
+    found = np.linalg.norm(poses[:, 1:] - middle, axis=1) - around - reach
+    near = found <= 0
+    if near.any():
+        fan = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
+        found[near] = _clearances(fan, poses[near], level[near], shadow, obstacle).max(axis=0)
+    return found
 
 
 def _longest(

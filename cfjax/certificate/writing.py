@@ -7,7 +7,6 @@ from typing import Any
 from flint import fmpq
 
 from cfjax.check.bounds import Bounds
-from cfjax.check.clearance import HalfPlane
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import FORMAT, VERSION, CellKey, FunnelClaim, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
@@ -19,7 +18,7 @@ from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
-from cfjax.exact import exact_bounds, exact_course, write_pieces
+from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_pieces, write_surroundings
 from cfjax.problem import Problem, Vehicle
 from cfjax.problem.vehicle import numbers_of
 
@@ -38,14 +37,7 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
             "inlet": {"half_axes": [_number(value) for value in problem.inlet.half_axes]},
             "goal": {"half_axes": [_number(value) for value in problem.goal.half_axes]} if problem.goal else None,
             "safe": {"half_widths": [_number(value) for value in problem.safe.half_widths]} if problem.safe else None,
-            "obstacles": [
-                {"corners": [[_number(x), _number(y)] for x, y in obstacle.corners], "round": _number(obstacle.round)}
-                for obstacle in problem.obstacles
-            ],
-            "footprint": [
-                {"radius": _number(disc.radius), "offset": _number(disc.offset)}
-                for disc in (problem.footprint if problem.obstacles else ())
-            ],
+            **write_surroundings(exact_surroundings(problem.obstacles, problem.footprint)),
         },
     }
 
@@ -127,17 +119,6 @@ def write_grams(grams: Sequence[Gram]) -> list[dict[str, Any]]:
 def write_bounds(bounds: Bounds) -> dict[str, Any]:
     """Intervals of curvature, speed and acceleration, and of the curvature's rate where that is bounded."""
     return {name: [str(end) for end in ends] for name, ends in bounds.intervals.items()}
-
-
-def write_clearance(planes: Sequence[Sequence[Sequence[Sequence[HalfPlane]]]]) -> list:
-    """Half-planes by segment, obstacle and disc of the footprint."""
-    return [
-        [
-            [[{"end": str(plane.end), "normal": [str(n) for n in plane.normal]} for plane in disc] for disc in obstacle]
-            for obstacle in segment
-        ]
-        for segment in planes
-    ]
 
 
 def write_witness(condition: str, funnel: int, theta: fmpq, reference: int, x: Sequence[fmpq]) -> dict[str, Any]:

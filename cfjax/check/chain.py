@@ -4,7 +4,8 @@ The file states the path, piece by piece in exact numbers, and brings the whole 
 is replayed; then the path has to be a path (speed continuous, pose and heading by integration), to stay inside the
 bounds of the tube that holds there, and each tube has to hand over to the next (`cfjax.check.handover`). A closed path
 hands over to its own beginning, over the gap that integration leaves. Where the file names sets, I lies in the first
-tube, every tube in S, and what is left of the last one at the end in G.
+tube, every tube in S, and what is left of the last one at the end in G. Where it names obstacles, the body clears them
+anywhere in each tube.
 """
 
 import itertools
@@ -29,10 +30,17 @@ from cfjax.check.document import (
 )
 from cfjax.check.handover import ProvenLink, Run, prove_chain
 from cfjax.check.level import STILL
-from cfjax.check.meaning import require_path
+from cfjax.check.meaning import require_body, require_path
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import Reference, is_closed
 from cfjax.check.similarity import scaled, served
+from cfjax.check.surroundings import (
+    Clearance,
+    Surroundings,
+    prove_surroundings,
+    read_clearance,
+    read_surroundings,
+)
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES, POSE
 
@@ -62,6 +70,8 @@ class ChainClaim:
     runs: tuple[tuple[int, int, int], ...]  # first piece, piece after the last, tube
     levels: tuple[fmpq, ...]
     sets: SetsClaim | None
+    surroundings: Surroundings
+    clearance: Clearance  # by run
 
 
 def tube_of(document: object, name: str) -> CertifiedTube:
@@ -91,7 +101,7 @@ def tube_of(document: object, name: str) -> CertifiedTube:
 
 
 def prove_between_sets(claim: ChainClaim) -> tuple[tuple[Run, ...], tuple[ProvenLink, ...], fmpq]:
-    """What `prove_runs` gives, and a level that V is at most at the end of the path; with I, S and G kept, if asked.
+    """What `prove_runs` gives, and a level that V is at most at the end of the path; with the sets kept that are asked.
 
     Raises:
         Unreadable, Broken, ValueError: says what is not as it has to be.
@@ -101,6 +111,9 @@ def prove_between_sets(claim: ChainClaim) -> tuple[tuple[Run, ...], tuple[Proven
     finish = last.tube.level_after(last.length(claim.reference))
     if claim.sets:
         _check_sets(claim.sets, runs, finish)
+    require_body(*vehicle_of(claim), claim.surroundings)
+    spans = [run.span(claim.reference, f"run {index}") for index, run in enumerate(runs)]
+    prove_surroundings(claim.surroundings, spans, claim.clearance)
     return tuple(runs), links, finish
 
 
@@ -186,8 +199,9 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
     Raises:
         Unreadable, Broken: as for other certificates.
     """
-    fields = Item(document, "").record(
-        "format", "version", "claim", "hash", "vehicle", "path", "sets", "tubes", "runs", "levels"
+    open_space = {"surroundings": {"obstacles": [], "footprint": []}, "clearance": []}  # where the file names neither
+    fields = Item({**open_space, **document}, "").record(
+        *("format", "version", "claim", "hash", "vehicle", "path", "sets", "tubes", "runs", "levels"), *open_space
     )
     if fields[0].value != FORMAT or fields[1].value != VERSION or isinstance(fields[1].value, bool):
         raise Unreadable(f"this checker reads version {VERSION} of the format")
@@ -217,4 +231,17 @@ def read_chain(document: dict, skip_hash: bool) -> ChainClaim:
         parameters.refuse(f"the parameters of a {kind}")
     levels = tuple(level.positive() for level in fields[9].items(MOST_PIECES, least=0))
     sets = _sets(fields[6], known.states if known else None)
-    return ChainClaim(name.text(), closed.value is True, kind, own, reference, tuple(tubes), tuple(runs), levels, sets)
+    surroundings = read_surroundings(*fields[10].record("obstacles", "footprint"))
+    return ChainClaim(
+        name=name.text(),
+        closed=closed.value is True,
+        vehicle=kind,
+        parameters=own,
+        reference=reference,
+        tubes=tuple(tubes),
+        runs=tuple(runs),
+        levels=levels,
+        sets=sets,
+        surroundings=surroundings,
+        clearance=read_clearance(fields[11], surroundings, len(runs)),
+    )

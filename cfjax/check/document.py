@@ -14,7 +14,6 @@ from math import comb
 from flint import acb, arb, fmpq
 
 from cfjax.check.bounds import Bounds, Range
-from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim
 from cfjax.check.containment import Asked
 from cfjax.check.graph import ARITY, Graph, Node
 from cfjax.check.level import LEVELS, Level
@@ -24,6 +23,7 @@ from cfjax.check.program import Gram, Matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import ExactPose, Reference
+from cfjax.check.surroundings import Clearance, Surroundings, read_clearance, read_surroundings
 
 
 FORMAT = "cfjax-certificate"
@@ -42,7 +42,6 @@ MOST_CELLS = 32 * MOST_EXTREMES  # of a stretch: two pieces, sixteen patterns of
 MOST_STRETCHES = 64  # of one funnel's proof
 MOST_GRAM_ENTRIES = 1_500_000  # of the whole file; a circle's takes about 20 000
 MOST_PIECES = 4096  # of a path: a lap of a race track for a car of full size
-MOST_OBSTACLES, MOST_CORNERS, MOST_DISCS, MOST_HALF_PLANES = 64, 32, 8, 200
 LONGEST = 600  # bits of a path's coefficient; exact sums along a path take some hundred
 LONGEST_SUM = 8 * LONGEST  # bits of θ and arc length
 MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
@@ -112,8 +111,7 @@ class ProblemClaim:
     inlet: tuple[fmpq, ...]  # half-axes of I
     goal: tuple[fmpq, ...] | None  # half-axes of G; None of a tube of which none is asked
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
-    obstacles: tuple[ObstacleClaim, ...]
-    footprint: tuple[FootprintClaim, ...]
+    surroundings: Surroundings
 
     @property
     def is_steady(self) -> bool:
@@ -186,9 +184,6 @@ class Witness:
     x: tuple[fmpq, ...]
 
 
-HalfPlanes = tuple[HalfPlane, ...]
-
-
 @dataclass(frozen=True)
 class Certificate:
     """A whole file: hints for each funnel where it claims one, a witness where it refutes one.
@@ -199,7 +194,7 @@ class Certificate:
     problem: ProblemClaim
     funnels: tuple[FunnelClaim, ...]
     hints: tuple[DecreaseHints, ...]
-    clearance: tuple[tuple[tuple[HalfPlanes, ...], ...], ...]
+    clearance: Clearance
     witness: Witness | None
 
 
@@ -223,7 +218,8 @@ def read_certificate(document: object, skip_hash: bool = False) -> Certificate:
     proofs, clearance = last.record("decrease", "clearance")
     room = Room(MOST_GRAM_ENTRIES)
     hints = tuple(_decrease_hints(item, problem, room) for item in proofs.items(len(funnels), len(funnels)))
-    return Certificate(problem, funnels, hints, _clearance(clearance, problem), None)
+    spans = 0 if isinstance(problem.course, Bounds) else len(problem.course.segments)
+    return Certificate(problem, funnels, hints, read_clearance(clearance, problem.surroundings, spans), None)
 
 
 def read_claims(document: object) -> tuple[ProblemClaim, tuple[FunnelClaim, ...]]:
@@ -288,20 +284,8 @@ def _problem(item: Item) -> ProblemClaim:
         safe=None
         if safe.value is None
         else tuple(width.positive() for width in safe.record("half_widths")[0].items(size, size)),
-        obstacles=tuple(map(_obstacle, obstacles.items(MOST_OBSTACLES, least=0))),
-        footprint=tuple(map(_footprint, footprint.items(MOST_DISCS, least=0))),
+        surroundings=read_surroundings(obstacles, footprint),
     )
-
-
-def _obstacle(item: Item) -> ObstacleClaim:
-    corners, rounding = item.record("corners", "round")
-    points = (corner.items(2, 2) for corner in corners.items(MOST_CORNERS))
-    return ObstacleClaim(tuple((x.rational(), y.rational()) for x, y in points), rounding.rational())
-
-
-def _footprint(item: Item) -> FootprintClaim:
-    radius, offset = item.record("radius", "offset")
-    return FootprintClaim(radius.rational(), offset.rational())
 
 
 def _vehicle(item: Item) -> VehicleClaim:
@@ -525,28 +509,6 @@ def read_unary(item: Item) -> tuple[int, UnaryHint]:
     powers = tuple(value.rational() for value in coefficients.items(MOST_COEFFICIENTS))
     hint = function.text(), powers, lower.rational(), upper.rational(), bound.rational()
     return node.integer(0, MOST_NODES), hint
-
-
-def _clearance(item: Item, problem: ProblemClaim) -> tuple[tuple[tuple[HalfPlanes, ...], ...], ...]:
-    """By segment, obstacle and disc of the footprint."""
-    obstacles, discs = len(problem.obstacles), len(problem.footprint)
-    if not obstacles or isinstance(problem.course, Bounds):
-        item.items(0, 0)
-        return ()
-    count = len(problem.course.segments)
-
-    def planes(entry: Item) -> HalfPlanes:
-        found = []
-        for plane in entry.items(MOST_HALF_PLANES):
-            end, normal = plane.record("end", "normal")
-            x, y = normal.items(2, 2)
-            found.append(HalfPlane(end.rational(), (x.rational(), y.rational())))
-        return tuple(found)
-
-    return tuple(
-        tuple(tuple(map(planes, disc.items(discs, discs))) for disc in segment.items(obstacles, obstacles))
-        for segment in item.items(count, count)
-    )
 
 
 def read_gram(item: Item, size: int) -> Gram:

@@ -5,14 +5,17 @@ metres of reference that V₁ has fallen to it (`cfjax.check.certified`).
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
 from flint import fmpq
 
 from cfjax.check.certified import CertifiedTube
+from cfjax.check.level import Contracting
 from cfjax.check.rational import is_positive_definite
 from cfjax.check.reference import Gap, Reference
+from cfjax.check.surroundings import Span
 
 
 @lru_cache(maxsize=4096)
@@ -45,6 +48,14 @@ class Run(NamedTuple):
     begin: int
     end: int
     tube: CertifiedTube
+
+    def span(self, reference: Reference, name: str) -> Span:
+        """Its pieces as one stretch of θ from 0, in the tube as a funnel whose level stays."""
+        theta, pieces = fmpq(0), []
+        for piece in reference.pieces[self.begin : self.end]:
+            pieces.append(replace(piece, segment=0, theta=theta))
+            theta += piece.duration
+        return Span(name, tuple(pieces), reference.piece_poses[self.begin], self.tube.shape, Contracting(fmpq(0)))
 
     def length(self, reference: Reference) -> fmpq:
         """Metres of the path."""

@@ -14,6 +14,7 @@ from cfjax.check.document import Course, ProblemClaim, VehicleClaim
 from cfjax.check.piece import Piece, are_steady, jumps_in_turning
 from cfjax.check.reader import Broken
 from cfjax.check.structure import TURN_RATE_SLOPE
+from cfjax.check.surroundings import Surroundings
 from cfjax.check.symbolic import Symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
@@ -63,10 +64,19 @@ def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
     course, vehicle = problem.course, problem.vehicle
     if isinstance(course, Course):
         require_path(vehicle, dynamics, course.reference.pieces, course.closed)
-        if problem.obstacles and vehicle.name not in KNOWN_VEHICLES and not is_a_body(dynamics, vehicle.states):
-            raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
+        require_body(vehicle, dynamics, problem.surroundings)
     elif vehicle.name not in KNOWN_VEHICLES and not course.is_single:
         _require_one_angle(vehicle, dynamics)
+
+
+def require_body(vehicle: VehicleClaim, dynamics: Symbolic, surroundings: Surroundings) -> None:
+    """That where there are obstacles the vehicle's first states are the pose of a body that looks along the path.
+
+    Raises:
+        Broken: by an unknown vehicle's dynamics they are not.
+    """
+    if surroundings.obstacles and vehicle.name not in KNOWN_VEHICLES and not is_a_body(dynamics, vehicle.states):
+        raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
 
 
 def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Piece], closed: bool) -> None:

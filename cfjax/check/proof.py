@@ -17,7 +17,6 @@ from typing import Generic, TypeVar
 from flint import fmpq, fmpq_mat
 
 from cfjax.check.bounds import Bounds, Extreme, place_of
-from cfjax.check.clearance import Shadow, prove_clearance
 from cfjax.check.containment import broken_containments
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import (
@@ -39,13 +38,13 @@ from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap, is_closed
 from cfjax.check.structure import is_mirrored, require_affine_reference, require_tube_structure
+from cfjax.check.surroundings import Span, prove_surroundings
 from cfjax.check.symbolic import Symbolic
 
 
 MOST_EFFORT = 8 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
 ENCLOSURE_EFFORT = 384  # for each bit of the numbers in an enclosure of a function, proven once more on each stretch
 Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
-CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute
 Along = TypeVar("Along", bound=SegmentClaim | Bounds, covariant=True)
 
 
@@ -79,8 +78,8 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
             raise Broken(_of(index, kinds) + "; ".join(broken))
     if isinstance(course, Course):
         _prove_links(course, funnels)
-        _prove_clearance(certificate, course)
-    elif problem.obstacles:
+        prove_surroundings(problem.surroundings, spans_of(course, funnels), certificate.clearance)
+    elif problem.surroundings.obstacles:
         raise Broken("condition (c): a tube has no place, so that it clears no obstacle")
     for index, (segment, funnel, hints) in enumerate(zip(problem.distinct, funnels, certificate.hints, strict=True)):
         try:
@@ -128,26 +127,13 @@ def _prove_links(course: Course, funnels: Sequence[FunnelClaim]) -> None:
             raise Broken(f"chain, from segment {before} to segment {after}: {reason}")
 
 
-# --- obstacles
-
-
-def _prove_clearance(certificate: Certificate, course: Course) -> None:
-    problem = certificate.problem
-    if not problem.obstacles:
-        return
-    if not problem.footprint:
-        raise Broken("condition (c): there are obstacles, and no footprint that could clear them")
-    budget = Budget(CLEARANCE_EFFORT)
-    each = zip(course.segments, course.kinds, course.reference.poses, certificate.clearance, strict=False)
-    for index, (segment, kind, start, by_obstacle) in enumerate(each):
-        funnel = certificate.funnels[kind]
-        for number, (obstacle, by_disc) in enumerate(zip(problem.obstacles, by_obstacle, strict=True)):
-            for disc, planes in zip(problem.footprint, by_disc, strict=True):
-                try:
-                    shadow = Shadow(funnel.shape, funnel.level, disc)
-                    prove_clearance(segment.pieces, start, shadow, obstacle, planes, budget)
-                except ValueError as error:
-                    raise Broken(f"condition (c), segment {index}, obstacle {number}: {error}") from None
+def spans_of(course: Course, funnels: Sequence[FunnelClaim]) -> list[Span]:
+    """Each segment with the funnel that holds along it."""
+    each = zip(course.segments, course.kinds, course.reference.poses, strict=False)
+    return [
+        Span(f"segment {index}", segment.pieces, start, funnels[kind].shape, funnels[kind].level)
+        for index, (segment, kind, start) in enumerate(each)
+    ]
 
 
 # --- decrease

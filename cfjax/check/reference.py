@@ -75,20 +75,26 @@ class Reference:
         return self.pieces[-1].arc + self.pieces[-1].length
 
     @cached_property
-    def poses(self) -> tuple[ExactPose, ...]:
-        """Where each segment starts, and where the last one ends."""
-        pose = self.start
-        found = []
-        segment, effort = -1, 0
+    def piece_poses(self) -> tuple[ExactPose, ...]:
+        """Where each piece starts, and where the last one ends.
+
+        Raises:
+            ValueError: for a path that is too wild to be integrated.
+        """
+        found = [self.start]
+        effort = 0
         for piece in self.pieces:
             effort += piece.effort
             if effort > MOST_OF_PATH:
                 raise ValueError(TOO_WILD)
-            if piece.segment != segment:
-                segment = piece.segment
-                found.append(pose)
-            pose = pose.after(piece)
-        return (*found, pose)
+            found.append(found[-1].after(piece))
+        return tuple(found)
+
+    @cached_property
+    def poses(self) -> tuple[ExactPose, ...]:
+        """Where each segment starts, and where the last one ends."""
+        starts = {piece.segment: index for index, piece in reversed([*enumerate(self.pieces)])}
+        return tuple(self.piece_poses[index] for index in (*sorted(starts.values()), -1))
 
     @cached_property
     def gap(self) -> Gap:

@@ -146,5 +146,5 @@ def _check_problem(problem: ProblemClaim) -> tuple[Assumptions | None, Symbolic]
     )
     course = problem.course
     is_lap = isinstance(course, Course) and course.closed
-    rests = problem.is_steady and not is_lap and not problem.obstacles
+    rests = problem.is_steady and not is_lap and not problem.surroundings.obstacles
     return assumptions_of(problem.vehicle, dynamics, rests), dynamics

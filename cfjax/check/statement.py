@@ -20,6 +20,7 @@ from cfjax.check.meaning import Assumptions
 from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted, Shown, Violation
 from cfjax.check.rational import about, decimal_text, sqrt_upper
 from cfjax.check.robustness import Robustness
+from cfjax.check.surroundings import Surroundings
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
 
@@ -111,6 +112,8 @@ def _chain_proven(proven: ProvenChain) -> tuple[str, ...]:
         if claim.closed
         else f"until it arrives after {_time(proven.arrival)} with V <= {_up(proven.finish)}"
     )
+    if claim.surroundings.obstacles:
+        inside += f". It stays {_clear(claim.surroundings)}"
     widths = _numbers([sqrt_upper(tube.inverse[LATERAL, LATERAL]) for tube in tubes], ROUND_CEILING)
     return (
         f"PROVEN: {_vehicle(proven.vehicle, proven.assumptions)} can be held in tubes along the path "
@@ -256,13 +259,16 @@ def _sets(problem: ProblemClaim, inlet: str, goal: str) -> str:
 def _safe(problem: ProblemClaim, rounding: str) -> str:
     whole = "the whole plane (no S)"
     box = whole if problem.safe is None else f"S with half-widths ({_numbers(problem.safe, rounding)})"
-    if not problem.obstacles:
+    if not problem.surroundings.obstacles:
         return box
-    discs = " and ".join(
-        f"radius {_down(disc.radius)} m at offset {about(disc.offset)} m" for disc in problem.footprint
-    )
-    clear = f"clear of {len(problem.obstacles)} obstacles that stand in the file, by a footprint of {discs}"
+    clear = _clear(problem.surroundings)
     return clear if problem.safe is None else f"{box}, {clear}"
+
+
+def _clear(surroundings: Surroundings) -> str:
+    obstacles, footprint = surroundings
+    discs = " and ".join(f"radius {_down(disc.radius)} m at offset {about(disc.offset)} m" for disc in footprint)
+    return f"clear of {len(obstacles)} obstacles that stand in the file, by a footprint of {discs}"
 
 
 def _inputs(problem: ProblemClaim, rounding: tuple[str, str]) -> str:

@@ -2,9 +2,10 @@
 
 import enum
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -44,6 +45,17 @@ class Method(enum.Enum):
     @classmethod
     def _missing_(cls, value: object) -> "Method":
         return coerce.choice("method", value, cls)
+
+
+class _Near(NamedTuple):
+    """Where a disc of the body, of that radius (m), comes nearest to an obstacle; `room` is what is between them, m."""
+
+    segment: int
+    theta: float  # s
+    place: tuple[float, float]  # m
+    obstacle: int
+    radius: float
+    room: float
 
 
 @dataclass(frozen=True)
@@ -295,19 +307,33 @@ class Problem:
             )
         if self.obstacles and self.path.tube:
             raise InputError("sets.obstacles: expected none for a tube, which has no place")
+        for near in self._nearest():
+            if near.room <= 0:
+                (x, y), radius = near.place, near.radius
+                raise InputError(
+                    f"path: segment {near.segment} at theta = {near.theta:.4g} s, ({x:.4g}, {y:.4g}) m, comes within "
+                    f"{near.room + radius:.4g} m of obstacle {near.obstacle}; expected more than the vehicle's radius "
+                    f"there, {radius:g} m"
+                )
+
+    @property
+    def room(self) -> float:
+        """The least distance (m) from the body to an obstacle while the vehicle is on its reference; inf without one.
+
+        Looked at in POSES places of each segment.
+        """
+        return min((near.room for near in self._nearest()), default=np.inf)
+
+    def _nearest(self) -> Iterator["_Near"]:
+        """Where each disc of the body comes nearest to each obstacle, segment by segment."""
         for index, segment in enumerate(self.path.curve if self.obstacles else ()):
             theta = np.linspace(0.0, segment.duration, POSES)
             for number, obstacle in enumerate(self.obstacles):
                 for radius, centres in disc_centres(self.footprint, segment.poses(theta)):
                     apart, _ = distances(obstacle, centres)
                     worst = int(np.argmin(apart))
-                    if apart[worst] <= radius:
-                        x, y = centres[worst]
-                        raise InputError(
-                            f"path: segment {index} at theta = {theta[worst]:.4g} s, ({x:.4g}, {y:.4g}) m, comes "
-                            f"within {apart[worst]:.4g} m of obstacle {number}; expected more than the vehicle's "
-                            f"radius there, {radius:g} m"
-                        )
+                    place = float(centres[worst, 0]), float(centres[worst, 1])
+                    yield _Near(index, float(theta[worst]), place, number, radius, float(apart[worst] - radius))
 
     def _excess(self, point: ReferencePoint) -> str:
         """The input that leaves its limits where the vehicle follows this reference without deviation; or nothing."""

@@ -11,7 +11,7 @@ from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
 from cfjax.coerce import file, instance, optional
 from cfjax.errors import InputError
-from cfjax.exact import exact_numbers, write_pieces
+from cfjax.exact import exact_numbers, write_clearance, write_pieces, write_surroundings
 from cfjax.problem import Problem
 from cfjax.tubes.follow import Following
 
@@ -45,6 +45,8 @@ def chain_document(following: Following, problem: Problem | None = None) -> dict
         "tubes": [_tube(tube) for tube in tubes],
         "runs": [{"end": run.end, "tube": tubes.index(run.tube)} for run in following.runs],
         "levels": [str(level) for level in following.levels],
+        "surroundings": write_surroundings(following.surroundings),
+        "clearance": write_clearance(following.clearance),
     }
     return {**content, "hash": document_hash(content)}
 

@@ -8,7 +8,7 @@ is the lateral half-width √((C⁻¹)_xx) weighted by length.
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import lru_cache
@@ -23,10 +23,12 @@ from cfjax.check.handover import Run, hands_over, needed_distance, prove_chain
 from cfjax.check.piece import Piece
 from cfjax.check.rational import float_below, rational, sqrt_upper
 from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
-from cfjax.coerce import flag, instance, instances, number, optional, text, whole
+from cfjax.check.surroundings import Clearance, Surroundings
+from cfjax.coerce import Numbers, flag, instance, instances, number, optional, text, whole
 from cfjax.errors import InputError
-from cfjax.exact import StatedSegment, exact_reference, stated
-from cfjax.problem import KinematicBicycle, Vehicle
+from cfjax.exact import StatedSegment, exact_reference, exact_surroundings, stated
+from cfjax.problem import FootprintDisc, KinematicBicycle, Obstacle, Vehicle
+from cfjax.problem.obstacles import footprint_of, obstacles_of
 from cfjax.problem.path import Path, Pose, Profile, Segment
 from cfjax.tubes.store import library, proven_tubes
 from cfjax.tubes.vehicles import parameters_of, why_none
@@ -90,6 +92,8 @@ class Following:
     arrival: tuple[float, float]
     runs: tuple[Run, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and levels
     levels: tuple[fmpq, ...]
+    surroundings: Surroundings = Surroundings()  # what the body clears in every tube
+    clearance: Clearance = ()  # half-planes that prove it, by run
 
     def __post_init__(self) -> None:
         instance("path", self.path, Path)
@@ -148,6 +152,8 @@ class Following:
                 f"V <= {_shown(least.level)} after {_shown(least.needed)} m, "
                 f"has {_shown(least.available, ROUND_FLOOR)} m"
             )
+        if count := len(self.surroundings.obstacles):
+            lines.append(f"  clear of {count} obstacle{'s' if count > 1 else ''}, wherever in its tube the car is")
         lines.append("  holds for ever" if self.closed else f"  arrives with V <= {_shown(self.end_level)}")
         return "\n".join(lines)
 
@@ -162,20 +168,24 @@ def follow(
     vehicle: Vehicle | None = None,
     closed: bool = False,
     pinned: str | None = None,
+    obstacles: Sequence[Obstacle | Mapping] | Numbers = (),
+    footprint: Sequence[FootprintDisc] | Numbers = (FootprintDisc(),),
 ) -> Following:
     """The chain of tubes with the least lateral width, by length, that is proven to hold along the path.
 
     `tubes` are those of the package for the vehicle, the Parkour car unless given. Given tubes have to be certified for
     the vehicle that drives, which is checked where it is given too. A closed path is one lap that is driven again and
-    again; `pinned` is the name of the one tube to use.
+    again; `pinned` is the name of the one tube to use. Beside `obstacles` (m, in the frame of the path) only tubes are
+    used in which the `footprint`, discs [radius, offset along the forward axis] in m, touches none of them.
 
     Raises:
-        InputError: where the path has a jump (pose: 1e-6 rad or m; speed: 1e-9 m/s), leaves every tube, or where no
-            chain is proven; the message says where and by how much.
+        InputError: where the path has a jump (pose: 1e-6 rad or m; speed: 1e-9 m/s), leaves every tube, comes too near
+            to an obstacle, or where no chain is proven; the message says where and by how much.
     """
     instance("path", path, Path)
     optional("vehicle", vehicle, Vehicle)
     closed, pinned = flag("closed", closed), None if pinned is None else text("pinned", pinned)
+    surroundings = exact_surroundings(obstacles_of(obstacles), footprint_of(footprint))
     car = KinematicBicycle() if vehicle is None else vehicle
     offered = library(car) if tubes is None else instances("tubes", tubes, CertifiedTube)
     if not offered and tubes is None:
@@ -198,7 +208,7 @@ def follow(
                     f"path {path.name}: tube {tube.name} is certified for another vehicle than the one given"
                 )
     try:
-        return _follow(path, chosen, closed)
+        return _follow(path, chosen, closed, surroundings)
     except InputError:
         raise
     except Outside as error:
@@ -211,7 +221,7 @@ def follow(
         raise InputError(f"path {path.name}: {error}") from None
 
 
-def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Following:
+def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: Surroundings) -> Following:
     if path.tube:
         raise InputError(f"path {path.name}: expected segments, got a tube: it has no course to follow")
     statements = [stated(segment) for segment in path.curve]
@@ -224,7 +234,14 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
     if outside.size:
         raise Outside(furthest_out([pieces[index] for index in outside], tubes))
     gap = _gap(reference) if closed else None
-    chain = _choose(reference, tubes, holds, gap)
+    if surroundings.obstacles:
+        from cfjax.tubes.clear import choose_clear  # here, for the solvers come with it
+
+        chain, clearance = choose_clear(
+            reference, tubes, holds, surroundings, lambda clear: _choose(reference, tubes, clear, gap)
+        )
+    else:
+        chain, clearance = _choose(reference, tubes, holds, gap), ()
     runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
     order = [index for _, _, index in chain] + ([chain[0][2]] if closed else [])
     levels = [_levels(tubes)[i][j] for i, j in itertools.pairwise(order)]
@@ -256,6 +273,8 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool) -> Follo
         arrival=(float_below(earliest), _float_above(latest)),
         runs=tuple(runs),
         levels=tuple(levels),
+        surroundings=surroundings,
+        clearance=clearance,
     )
 
 

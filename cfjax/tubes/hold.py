@@ -1,11 +1,12 @@
 """A path held by universal tubes, from I to G: tubes that are there already, or one learned for the path's own bounds.
 
 An invariant tube does not shrink, so that the path's I lies in the first tube and what is left of the last one, after
-the metres that it had for contraction, in G. A tube knows no place: where obstacles stand nothing is proven.
+the metres that it had for contraction, in G. Beside obstacles the body has to be clear of them in every tube, wherever
+in it the car is.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +24,7 @@ from cfjax.check.vehicle import STATES
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, exact_numbers, tube_within
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Ellipsoid, Interval, Path, Problem, Tube
+from cfjax.problem import Box, Ellipsoid, Interval, Path, Problem, Tube
 from cfjax.result import Result, SegmentResult
 from cfjax.tubes.certificate import chain_document
 from cfjax.tubes.follow import Following, follow
@@ -41,15 +42,10 @@ Learn = Callable[[Problem, float], Result]  # the funnel of a problem whose path
 
 
 def hold_by_library(problem: Problem) -> Result | None:
-    """The path held by tubes that came with the package, proven in milliseconds; None where they do not do it.
-
-    Raises:
-        InputError: with obstacles.
-    """
-    _refuse_obstacles(problem)
+    """The path held by tubes that came with the package, proven in milliseconds; None where they do not do it."""
     try:
         offered = [tube for tube in library(problem.vehicle) if _serves(problem, tube)]
-        following = follow(problem.path, offered, vehicle=problem.vehicle, closed=problem.path.closed)
+        following = _follow(problem, offered)
     except InputError:  # no tube holds I, S and the path's bounds, or there is none for this kind of vehicle
         return None
     found = _held(problem, following, {})
@@ -60,9 +56,8 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     """The path held by one tube that is learned for its bounds, between its I, S and G.
 
     Raises:
-        InputError: for obstacles, or a path without proven bounds.
+        InputError: for a path without proven bounds.
     """
-    _refuse_obstacles(problem)
     reference = exact_course(problem.path)
     if len(reference.pieces) > MOST_PIECES:  # nothing is learned first for what no checker reads
         raise InputError(
@@ -76,7 +71,8 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     reach[0] = min(reach[0], MOST_HEADING)
     bounds = Path("tube", (_bounds_of(problem.path, reference),))
     try:
-        asked = replace(problem, path=bounds, goal=Ellipsoid(tuple(reach)))
+        # a tube has no place: it is made narrow enough to pass the obstacles, and the proof along the path decides
+        asked = replace(problem, path=bounds, goal=Ellipsoid(tuple(reach)), safe=_narrow(problem, reach), obstacles=())
     except InputError as error:  # G is too small beside I for what a tube contracts to, or the bounds ask too much
         message = f"no tube for the path's bounds leads from I to G ({error})"
         return Result(Verdict.INCONCLUSIVE, message, problem)
@@ -93,7 +89,7 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     name = "learned"
     try:
         tube = replace(tube_of(made.document, name), origin=Origin(made.document))
-        following = follow(problem.path, [tube], vehicle=problem.vehicle, closed=problem.path.closed)
+        following = _follow(problem, [tube])
     except ValueError as error:
         message = f"the learned tube does not hold along the path: {error}"
         return made.replace(
@@ -104,12 +100,28 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     return found.replace(seconds=made.seconds, iterations=made.iterations, history=made.history, worst_points=worst)
 
 
-def _refuse_obstacles(problem: Problem) -> None:
-    if problem.obstacles:
-        raise InputError(
-            "certificate: expected segment or auto beside obstacles, got tube: a tube holds along every path and knows "
-            "none of its places"
-        )
+def _follow(problem: Problem, tubes: Sequence[CertifiedTube]) -> Following:
+    """The problem's path in these tubes, clear of its obstacles.
+
+    Raises:
+        InputError: as `follow`.
+    """
+    return follow(
+        problem.path,
+        tubes,
+        vehicle=problem.vehicle,
+        closed=problem.path.closed,
+        obstacles=problem.obstacles,
+        footprint=problem.footprint,
+    )
+
+
+def _narrow(problem: Problem, reach: Sequence[float]) -> Box | None:
+    """S, or of a tube within `reach`: no place further from the path than the body is from the nearest obstacle."""
+    if not problem.obstacles:
+        return problem.safe
+    angle, x, y, *others = problem.safe.half_widths if problem.safe else reach
+    return Box((angle, min(x, problem.room), min(y, problem.room), *others))
 
 
 def bounds_of(path: Path) -> Tube:

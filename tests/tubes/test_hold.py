@@ -78,13 +78,6 @@ def test_the_package_has_no_tube_for_these() -> None:
     assert hold_by_library(Problem(slalom(amplitude=0.3, speed=0.1), inlet=ball(0.15), goal=ball(0.25))) is None
 
 
-def test_obstacles_need_a_place() -> None:
-    problem = replace(NARROW, obstacles=(Disc(3.0, 5.0, 0.5),))
-    for route in (hold_by_library, lambda p: hold_by_learning(p, lambda *_: pytest.fail("asked to learn"))):
-        with pytest.raises(InputError, match="expected segment or auto beside obstacles"):
-            route(problem)
-
-
 def test_what_is_asked_of_a_learned_tube_and_what_becomes_of_none() -> None:
     asked = []
 
@@ -151,7 +144,7 @@ def test_the_way_that_a_path_goes(monkeypatch: pytest.MonkeyPatch, path: Path, o
     monkeypatch.setattr(synthesis, "_by_tubes", instead("tubes"))
     assert synthesis.search(Problem(path), Options(**options)).message == route
     assert taken == [route]
-    assert synthesis.search(replace(NARROW, obstacles=(Disc(3.0, 5.0, 0.5),)), Options()).message == "segments"
+    assert synthesis.search(replace(NARROW, obstacles=(Disc(3.0, 5.0, 0.5),)), Options()).message == "tubes"
 
 
 def test_where_no_tube_does_it_segments_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
