@@ -5,6 +5,7 @@ what the checker would say of a proof.
 from flint import acb, fmpq
 
 from cfjax.check import Outcome, Report
+from cfjax.check.amounts import Robustness
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import LAW_SHARE, CertifiedTube
 from cfjax.check.document import Course, FunnelClaim, ProblemClaim, SegmentClaim, VehicleClaim
@@ -14,7 +15,7 @@ from cfjax.check.piece import Piece
 from cfjax.check.proven import ProvenFunnels
 from cfjax.check.rational import rational
 from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.robustness import Robustness
+from cfjax.check.surroundings import Surroundings
 from cfjax.check.vehicle import STATES
 from cfjax.exact import StatedProfile, StatedSegment
 
@@ -73,8 +74,7 @@ def problem_claim(course: Course | Bounds, **changes: object) -> ProblemClaim:
         "inlet": (fmpq(1, 4),) * 4,
         "goal": (fmpq(1, 2),) * 4,
         "safe": None,
-        "obstacles": (),
-        "footprint": (),
+        "surroundings": Surroundings(),
     }
     return ProblemClaim(**(entries | changes))
 

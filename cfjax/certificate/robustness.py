@@ -1,7 +1,7 @@
 """Hints for what a certified funnel absorbs: bounds on V̇ and V̈ over it, and the file that carries them.
 
-Each vertex is a small semidefinite program (`cfjax.check.held`), some hundredths of a second. The file states nothing
-but hints: what they show, `cfjax.check.robustness` computes.
+Each vertex is a small semidefinite program (`cfjax.check.held`), some hundredths of a second. The file states the
+largest amounts that were found (`amounts`), with hints for the bounds that allow them.
 """
 
 import itertools
@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from cfjax.certificate.amounts import entries_of, largest_amounts, write_amounts
 from cfjax.certificate.bounds import bounds_along
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.program import program_of, prove, solved
 from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.stretches import NotProven
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
+from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds
 from cfjax.check.chain import CHAIN, prove_runs, read_chain
 from cfjax.check.chain_robustness import leg_of, timing_of
@@ -28,6 +30,7 @@ from cfjax.check.held_hints import CLAIM, DEGREES
 from cfjax.check.program import CellProof
 from cfjax.check.proof import LegClaim
 from cfjax.check.rational import rational
+from cfjax.check.replay import stated_and_proven
 from cfjax.check.robustness import motions, tube_motions
 from cfjax.check.structure import require_tube_structure
 from cfjax.check.symbolic import symbolic
@@ -73,7 +76,19 @@ def robustness_document(document: dict[str, Any], workers: int = 1, solver: str 
         else tube_hints(LegClaim(problem, dynamics, segment, funnel), oracle)
         for segment, funnel, hints in each
     ]
-    return with_hash(CLAIM, {"certificate": document["hash"], "funnels": funnels})
+    content = {"funnels": funnels, "entries": [str(root) for root in entries_of(certificate)]}
+    return _with_amounts(document, content, len(problem.vehicle.states))
+
+
+def _with_amounts(document: dict[str, Any], content: dict[str, Any], states: int) -> dict[str, Any]:
+    """The whole file: it states the largest amounts that are found for what its hints prove."""
+
+    def file(stated: Stated) -> dict[str, Any]:
+        return with_hash(CLAIM, {"certificate": document["hash"], "amounts": write_amounts(stated), **content})
+
+    nothing = Absorbed(fmpq(0), (fmpq(0),) * states, (fmpq(0),) * states, fmpq(0))
+    _, bounds = stated_and_proven(document, file(Stated(nothing, nothing, ())))
+    return file(largest_amounts(bounds))
 
 
 def _chain_document(document: dict[str, Any], solver: Solver) -> dict[str, Any]:
@@ -85,8 +100,7 @@ def _chain_document(document: dict[str, Any], solver: Solver) -> dict[str, Any]:
     for tube, bounds in bounds_along(claim.reference, runs).items():
         leg = leg_of(claim, index_of[tube], tube, bounds, timing_of(runs))
         tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": tube_hints(leg, solver)}
-    in_order = [entry for _, entry in sorted(tubes.items())]
-    return with_hash(CLAIM, {"certificate": document["hash"], "tubes": in_order})
+    return _with_amounts(document, {"tubes": [entry for _, entry in sorted(tubes.items())]}, len(runs[0].tube.states))
 
 
 def held_shape(states: int) -> Shape:

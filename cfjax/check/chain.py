@@ -70,8 +70,8 @@ class ChainClaim:
     runs: tuple[tuple[int, int, int], ...]  # first piece, piece after the last, tube
     levels: tuple[fmpq, ...]
     sets: SetsClaim | None
-    surroundings: Surroundings
-    clearance: Clearance  # by run
+    surroundings: Surroundings = Surroundings()
+    clearance: Clearance = ()  # by run
 
 
 def tube_of(document: object, name: str) -> CertifiedTube:

@@ -1,6 +1,6 @@
 """What is absorbed along a path that tubes hold: each of them on its runs, and every link between them.
 
-In each tube V is kept below 1 as anywhere else (`cfjax.check.robustness`, whose letters these are); but it has to come
+In each tube V is kept below 1 as anywhere else (`cfjax.check.amounts`, whose letters these are); but it has to come
 down as well, to where the next tube begins and to where G is. So an amount is absorbed along the path if it leaves
 enough of the decrease for that. With the tube's bounds for the path's own curvatures, speeds and accelerations, inputs
 held for h and τ old, let the law reach
@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 from flint import fmpq
 
+from cfjax.check.amounts import SHARE, Absorbed, BoundsOver, Rates, least_level
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.chain import ChainClaim, broken_goal, prove_runs
@@ -34,7 +35,7 @@ from cfjax.check.held_hints import TubeHints
 from cfjax.check.proof import MOST_EFFORT, LegClaim
 from cfjax.check.rational import decimal_text, dyadic, rational, sqrt_lower
 from cfjax.check.reader import Broken
-from cfjax.check.robustness import SHARE, Absorbed, Rates, Robustness, absorbed, bands_of, least_level, tube_rates
+from cfjax.check.robustness import bands_of, tube_rates
 from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
 
@@ -153,8 +154,8 @@ def leg_of(claim: ChainClaim, index: int, tube: CertifiedTube, bounds: Bounds, t
     )
 
 
-def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tuple[Robustness, tuple[HeldTube, ...]]:
-    """What is absorbed along the path of a proven chain, and what it was concluded from, by tube.
+def bounds_along(claim: ChainClaim, hints: Sequence[TubeHints]) -> tuple[BoundsOver, tuple[HeldTube, ...]]:
+    """What is proven over the tubes of a proven chain along its path, and the same by tube.
 
     Raises:
         Unreadable, Broken, ValueError: says what is not proven.
@@ -174,7 +175,7 @@ def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tup
         held.append(_held(mine[0].tube, leg, timing, own, claim.tubes[index][1:], effort))
     by_run = [held[tube] for _, _, tube in claim.runs]
     ways = [run.length(claim.reference) for run in runs]
-    rates = [each for own in held for each in own.rates]
+    rates = tuple(each for own in held for each in own.rates)
 
     def keeps(amounts: Absorbed) -> fmpq | None:
         kept = least_level(rates, amounts)
@@ -184,10 +185,7 @@ def prove_chain_robustness(claim: ChainClaim, hints: Sequence[TubeHints]) -> tup
         ends = [descents[tube].end_level(way) for (_, _, tube), way in zip(claim.runs, ways, strict=True)]
         return kept if _handed_over(claim, by_run, ends, amounts) else None
 
-    found = absorbed(rates, keeps)
-    if not found.alone.period:
-        raise Broken("robustness: a tube is left as soon as it may be, with nothing to spare")
-    return replace(found, along=tuple(own.bounds for own in by_run)), tuple(held)
+    return BoundsOver(rates, keeps, along=tuple(own.bounds for own in by_run)), tuple(held)
 
 
 def _handed_over(claim: ChainClaim, tubes: Sequence[HeldTube], ends: Sequence[fmpq], amounts: Absorbed) -> bool:

@@ -1,11 +1,13 @@
-"""The hints of a robustness file, read: shapes and sizes are checked, nothing of it is believed."""
+"""A robustness file, read: what it states, and hints. Shapes and sizes are checked, nothing of it is believed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
+from typing import Any, NamedTuple
 
 from flint import fmpq
 
+from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds
 from cfjax.check.document import (
     FORMAT,
@@ -58,45 +60,87 @@ class TubeHints:
     bands: tuple[HeldStretch, ...]
 
 
-def read_chain_hints(document: object, certificate: str, tubes: int, states: int) -> list[TubeHints]:
-    """Of a parsed file about the chain with that hash: hints for each of its tubes.
+class RobustnessFile(NamedTuple):
+    """A file about a certificate: amounts that it states, and hints for the bounds that allow them.
+
+    `hints` are those of each funnel, or of each tube of a chain. `entries` has for each funnel √γ, V being at most γ
+    where another one hands over to it.
+    """
+
+    stated: Stated
+    hints: tuple[Any, ...]
+    entries: tuple[fmpq, ...] = ()
+
+
+def read_chain_robustness(document: object, certificate: str, tubes: int, states: int) -> RobustnessFile:
+    """Of a parsed file about the chain with that hash: `hints` are `TubeHints`.
 
     Raises:
-        Unreadable, Broken: as `read_hints`.
+        Unreadable, Broken: as `read_robustness`.
     """
-    room, entries = Room(MOST_GRAM_ENTRIES), _entries(document, certificate, "tubes").items(tubes, tubes)
-    found = []
-    for entry in entries:
+    amounts, each = _fields(document, certificate, "tubes")
+    room, found = Room(MOST_GRAM_ENTRIES), []
+    for entry in each.items(tubes, tubes):
         bounds, bands = entry.record("bounds", "bands")
         stretches = tuple(read_stretch(band, states, room) for band in bands.items(MOST_STRETCHES))
         found.append(TubeHints(read_bounds(bounds), stretches))
-    return found
+    return RobustnessFile(_stated(amounts, states), tuple(found))
 
 
-def read_hints(document: object, certificate: str, funnels: int, states: int) -> list[tuple[HeldStretch, ...]]:
-    """Of a parsed file about the certificate with that hash: the stretches of each of its funnels.
+def read_robustness(document: object, certificate: str, funnels: int, states: int) -> RobustnessFile:
+    """Of a parsed file about the certificate with that hash: `hints` are the stretches of each of its funnels.
 
     Raises:
         Unreadable: says what was expected where.
         Broken: the file is about another certificate, or its hash is not that of its content.
     """
-    room, each = Room(MOST_GRAM_ENTRIES), _entries(document, certificate, "funnels").items(funnels, funnels)
-    return [tuple(read_stretch(entry, states, room) for entry in item.items(MOST_STRETCHES)) for item in each]
+    amounts, each, entries = _fields(document, certificate, "funnels", "entries")
+    room = Room(MOST_GRAM_ENTRIES)
+    return RobustnessFile(
+        _stated(amounts, states),
+        tuple(
+            tuple(read_stretch(entry, states, room) for entry in item.items(MOST_STRETCHES))
+            for item in each.items(funnels, funnels)
+        ),
+        tuple(entry.rational() for entry in entries.items(funnels, funnels)),
+    )
 
 
-def _entries(document: object, certificate: str, name: str) -> Item:
-    """The last field of a file that is about the certificate with that hash."""
+def _fields(document: object, certificate: str, *names: str) -> list[Item]:
+    """What follows the header of a file that is about the certificate with that hash: amounts, and these fields."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise Unreadable(f"not a certificate: expected an object with format {FORMAT}")
     if document.get("version") != VERSION or isinstance(document["version"], bool):
         raise Unreadable(f"this checker reads version {VERSION} of the format")
-    fields = Item(document, "").record("format", "version", "claim", "hash", "certificate", name)
+    if "amounts" not in document:
+        raise Unreadable("expected amounts, which files of earlier versions do not state; without it the proof stands")
+    fields = Item(document, "").record("format", "version", "claim", "hash", "certificate", "amounts", *names)
     fields[2].choice(CLAIM)
     if fields[3].value != document_hash(document):
         raise Broken("hash: the content has changed since the hash was taken")
     if fields[4].value != certificate:
         raise Broken("certificate: these are hints for another certificate")
-    return fields[5]
+    return fields[5:]
+
+
+def _stated(item: Item, states: int) -> Stated:
+    alone, together, by_speed = item.record("alone", "together", "by_speed")
+    every = _amounts(alone, states)
+    bands = (replace(_amounts(band, states), pose_error=every.pose_error) for band in by_speed.items(MOST_STRETCHES, 0))
+    return Stated(every, _amounts(together, states), tuple(bands))
+
+
+def _amounts(item: Item, states: int) -> Absorbed:
+    period, disturbance, pose_error, delay = item.record("period", "disturbance", "pose_error", "delay")
+
+    def amount(entry: Item) -> fmpq:
+        found = entry.rational()
+        return found if found >= 0 else entry.refuse("an amount that is not negative")
+
+    def by_state(entry: Item) -> tuple[fmpq, ...]:
+        return tuple(map(amount, entry.items(states, states)))
+
+    return Absorbed(amount(period), by_state(disturbance), by_state(pose_error), amount(delay))
 
 
 def read_stretch(item: Item, states: int, room: Room) -> HeldStretch:

@@ -98,14 +98,25 @@ def _of(index: int, kinds: Sequence[int]) -> str:
 
 def broken_link(first: FunnelClaim, duration: fmpq, second: FunnelClaim, gap: Gap) -> str:
     """Why a funnel's end is not inside another one's start, its reference jumping by the gap; nothing where it is."""
-    jump = gap.jump(second.shape, fmpq_mat([list(row) for row in second.shape]).inv())
-    if jump >= 1:
+    if _jump(second, gap) >= 1:
         return "the reference jumps by more than the next funnel is wide"
-    level = first.level.bounds(duration)[1] / (1 - jump) ** 2
-    rows = zip(first.shape, second.shape, strict=True)
-    if not is_positive_definite([[a - level * b for a, b in zip(one, two, strict=True)] for one, two in rows]):
+    if not is_entered(first, duration, second, gap, fmpq(1)):
         return "the end of the funnel does not lie inside the start of the next"
     return ""
+
+
+def is_entered(first: FunnelClaim, duration: fmpq, second: FunnelClaim, gap: Gap, root: fmpq) -> bool:
+    """Whether a funnel's end lies in {√V < root} at another one's start, its reference jumping by the gap."""
+    room = root - _jump(second, gap)
+    if room <= 0:
+        return False
+    level = first.level.bounds(duration)[1] / room**2
+    rows = zip(first.shape, second.shape, strict=True)
+    return is_positive_definite([[a - level * b for a, b in zip(one, two, strict=True)] for one, two in rows])
+
+
+def _jump(funnel: FunnelClaim, gap: Gap) -> fmpq:
+    return gap.jump(funnel.shape, fmpq_mat([list(row) for row in funnel.shape]).inv())
 
 
 def links(course: Course) -> Iterator[tuple[int, int, Gap]]:

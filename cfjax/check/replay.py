@@ -8,17 +8,18 @@ of the shell. A file that says "refutation" is answered with REFUTED only if its
 from dataclasses import replace
 from pathlib import Path
 
+from cfjax.check.amounts import BoundsOver, Stated, verified
 from cfjax.check.chain import CHAIN, prove_between_sets, read_chain, vehicle_of
-from cfjax.check.chain_robustness import prove_chain_robustness
+from cfjax.check.chain_robustness import bounds_along
 from cfjax.check.document import Certificate, Course, ProblemClaim, Witness, read_certificate
-from cfjax.check.held_hints import read_chain_hints, read_hints
+from cfjax.check.held_hints import read_chain_robustness, read_robustness
 from cfjax.check.meaning import Assumptions, assumptions_of
 from cfjax.check.proof import prove_funnels
 from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
-from cfjax.check.robustness import Robustness, prove_robustness
+from cfjax.check.robustness import bounds_over
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.vehicle import check_known_vehicle
 
@@ -51,8 +52,7 @@ def check_robustness(report: Report, document: object, hints: object) -> Report:
     try:
         if not isinstance(document, dict):
             raise Broken("certificate: expected an object")
-        absorbed = _along_chain if document.get("claim") == CHAIN else _of_funnels
-        return replace(report, robustness=absorbed(document, hints))
+        return replace(report, robustness=verified(*stated_and_proven(document, hints)))
     except Unreadable as error:
         return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: {_one_line(error)}")
     except (ValueError, ArithmeticError) as error:
@@ -61,19 +61,28 @@ def check_robustness(report: Report, document: object, hints: object) -> Report:
         return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: too large for this checker ({type(error).__name__})")
 
 
-def _of_funnels(document: dict, hints: object) -> Robustness:
+def stated_and_proven(document: dict, hints: object) -> tuple[Stated, BoundsOver]:
+    """What a robustness file states about a proven certificate, and the bounds that its hints prove.
+
+    Raises:
+        Unreadable, Broken, ValueError: says what is not as it has to be.
+    """
+    return _along_chain(document, hints) if document.get("claim") == CHAIN else _of_funnels(document, hints)
+
+
+def _of_funnels(document: dict, hints: object) -> tuple[Stated, BoundsOver]:
     certificate = read_certificate(document, skip_hash=True)
     problem = certificate.problem
-    read = read_hints(hints, str(document["hash"]), len(certificate.funnels), len(problem.vehicle.states))
+    file = read_robustness(hints, str(document["hash"]), len(certificate.funnels), len(problem.vehicle.states))
     dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
-    return prove_robustness(certificate, dynamics, read)
+    return file.stated, bounds_over(certificate, dynamics, file.hints, file.entries)
 
 
-def _along_chain(document: dict, hints: object) -> Robustness:
+def _along_chain(document: dict, hints: object) -> tuple[Stated, BoundsOver]:
     claim = read_chain(document, skip_hash=True)
     states = vehicle_of(claim)[0].states
-    read = read_chain_hints(hints, str(document["hash"]), len(claim.tubes), len(states))
-    return prove_chain_robustness(claim, read)[0]
+    file = read_chain_robustness(hints, str(document["hash"]), len(claim.tubes), len(states))
+    return file.stated, bounds_along(claim, file.hints)[0]
 
 
 def check_document(document: object, skip_hash: bool = False) -> Report:

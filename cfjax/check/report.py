@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 from flint import fmpq
 
+from cfjax.check.amounts import Robustness
 from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted, Shown
-from cfjax.check.robustness import Robustness
 from cfjax.check.statement import paragraphs
 
 

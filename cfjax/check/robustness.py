@@ -1,20 +1,7 @@
-"""What a certified funnel absorbs: a control period, disturbances, errors of the pose, a delay.
+"""Bounds over certified funnels while inputs are held: on V̇, V̈ and what errors do to them, proven from hints.
 
-A law that reaches V̇ ≤ −λ' on the shell β̲ ≤ V ≤ 1, λ' a share of the certified λ, has λ' to spend. With bounds over the
-whole funnel, every input of the box and the reference along each stretch (`cfjax.check.held`),
-
-    D ≥ V̇,   M ≥ V̈,   N_i ≥ |∂V̇/∂x_i|,   G_i ≥ |∂V/∂x_i|,   F_i ≥ |ẋ_i|,   L = Σ N_i F_i + k u0_hi max|V̇| ,
-
-let inputs be held for a period h, ẋ be off by |d_i| ≤ δ_i, the pose by |e_i| ≤ ε_i, and let it be τ old. Then, s after
-the inputs were chosen, V̇ ≤ −λ' + Σ N_i ε_i + Σ G_i δ_i + (L + Σ N_i δ_i) τ + (M + Σ N_i δ_i) s where the law saw the
-shell; elsewhere V ≤ β̲ + ω + (D + Σ G_i δ_i)(h + τ), with ω by which the pose's error changes V. So V ≤ 1 − ω is kept if
-
-    (L + Σ N δ) τ + Σ G δ + Σ N ε + (M + Σ N δ) h/2 ≤ λ',          β̲ + 2 ω + (D + Σ G δ)(h + τ) ≤ 1;
-
-where a segment hands over to the next one, whose V is then γ at most, γ stands for β̲ + ω: until an input chosen for the
-new segment comes, V rises by (D + Σ G δ)(h + τ) at most. Without error of the pose ω = 0, and V ≤ 1 itself is kept.
-
-Curvature and acceleration that jump inside a segment, where V̇ jumps by J in all, take J out of λ'.
+`cfjax.check.amounts` says what follows from them, and what the letters mean. Curvature and acceleration that jump
+inside a segment, where V̇ jumps by J in all, take J out of λ'.
 
 **Tubes.** Curvature and acceleration may jump at any time there, and as often. So λ' is asked of the law at every one
 of them: ∇V·f(x, u, r') ≤ −λ' for all r' of the speed at hand (`cfjax.control.any_path_numbers`; f is affine in what
@@ -26,19 +13,20 @@ seconds: the bounds hold for such speeds too, and no amount of time is longer.
 
 Along a path that several tubes hold in turn there is more to ask (`cfjax.check.chain_robustness`).
 
-A certificate states nothing of this: the bounds are proven from hints in a file beside it, the amounts then computed.
+A certificate states nothing of this: amounts, and hints for the bounds, lie in a file beside it.
 """
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
+from functools import partial
 from typing import NamedTuple
 
-from flint import fmpq, fmpq_mat
+from flint import fmpq
 
+from cfjax.check.amounts import MOST, SHARE, BoundsOver, Rates, dot, least_level
 from cfjax.check.bounds import Bounds, Range
-from cfjax.check.certified import LAW_SHARE
 from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
 from cfjax.check.held import (
@@ -57,8 +45,8 @@ from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHin
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfjax.check.program import CellProof, Gram
-from cfjax.check.proof import MOST_EFFORT, LegClaim, links, prove_enclosures
-from cfjax.check.rational import decimal_text, is_positive_definite, rational, sqrt_upper
+from cfjax.check.proof import MOST_EFFORT, LegClaim, is_entered, links, prove_enclosures
+from cfjax.check.rational import decimal_text, rational, sqrt_upper
 from cfjax.check.reader import Broken
 from cfjax.check.structure import (
     SPEED,
@@ -71,108 +59,15 @@ from cfjax.check.structure import (
 from cfjax.check.symbolic import Symbolic
 
 
-SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
-PERIOD, DISTURBANCE, POSE, DELAY = (fmpq(part, 10) for part in (4, 2, 2, 2))  # of λ', where all come together
-HALVINGS = 16
-MOST = fmpq(10**6)
 HORIZON = fmpq(1, 20)  # s
-GAMMA_STEPS = 16  # √γ is told to 2^-16
 
 
-@dataclass(frozen=True)
-class Rates:
-    """Bounds over one funnel, as above: by state where they are several."""
+def bounds_over(
+    certificate: Certificate, dynamics: Symbolic, hints: Sequence[Sequence[HeldStretch]], entries: Sequence[fmpq]
+) -> BoundsOver:
+    """What is proven over the funnels of a proven certificate.
 
-    rise: fmpq  # D, 1/s
-    bend: fmpq  # M, 1/s²
-    slopes: tuple[fmpq, ...]  # N, 1/s per unit of the state
-    gradient: tuple[fmpq, ...]  # G, per unit of the state
-    norms: tuple[fmpq, ...]  # an error ε_i of the pose changes √V (of the paper's template √q) by norms_i ε_i
-    widest: fmpq  # the largest √V (√q)
-    staleness: fmpq  # L, 1/s²
-    decrease: fmpq  # λ' − J, 1/s
-    inner: fmpq  # β̲, or γ where that is larger
-    horizon: fmpq = MOST  # s from what was measured on in which the bounds hold
-
-    def spent(self, amounts: "Absorbed") -> fmpq:
-        """How much of λ' is used up on average over a period, 1/s."""
-        shaken = _dot(self.slopes, amounts.disturbance)
-        return (
-            (self.staleness + shaken) * amounts.delay
-            + _dot(self.gradient, amounts.disturbance)
-            + _dot(self.slopes, amounts.pose_error)
-            + (self.bend + shaken) * amounts.period / 2
-        )
-
-    def blurred(self, amounts: "Absorbed") -> fmpq:
-        """ω: how far V and what the law takes for it are apart at most."""
-        norm = _dot(self.norms, amounts.pose_error)
-        return 2 * self.widest * norm + norm * norm
-
-    def risen(self, amounts: "Absorbed") -> fmpq:
-        """How much V rises from a measurement to the end of what is chosen by it."""
-        return (self.rise + _dot(self.gradient, amounts.disturbance)) * (amounts.period + amounts.delay)
-
-    def in_units(self, axes: Sequence[fmpq], faster: fmpq) -> "Rates":
-        """The bounds of the similar motion: states multiplied by `axes`, and so many times as fast."""
-        return Rates(
-            rise=self.rise * faster,
-            bend=self.bend * faster**2,
-            slopes=tuple(value * faster / axis for value, axis in zip(self.slopes, axes, strict=True)),
-            gradient=tuple(value / axis for value, axis in zip(self.gradient, axes, strict=True)),
-            norms=tuple(value / axis for value, axis in zip(self.norms, axes, strict=True)),
-            widest=self.widest,
-            staleness=self.staleness * faster**2,
-            decrease=self.decrease * faster,
-            inner=self.inner,
-            horizon=self.horizon if self.horizon == MOST else self.horizon / faster,
-        )
-
-
-@dataclass(frozen=True)
-class Absorbed:
-    """What is absorbed together: h (s); δ (units of the states, a second) and ε (units), of all states; τ (s)."""
-
-    period: fmpq
-    disturbance: tuple[fmpq, ...]
-    pose_error: tuple[fmpq, ...]
-    delay: fmpq
-
-    def scaled(self, factor: fmpq) -> "Absorbed":
-        """All of it, so many times."""
-        return Absorbed(
-            period=factor * self.period,
-            disturbance=tuple(factor * value for value in self.disturbance),
-            pose_error=tuple(factor * value for value in self.pose_error),
-            delay=factor * self.delay,
-        )
-
-
-Keeps = Callable[[Absorbed], fmpq | None]
-
-
-@dataclass(frozen=True)
-class Robustness:
-    """What is absorbed by itself, of δ and ε one state's alone, and what is absorbed together.
-
-    V stays below 1: from starts with V ≤ `pose_level` where the pose has an error, whichever state it is in, and from
-    starts with V ≤ `joint_level` with all together.
-    """
-
-    alone: Absorbed
-    pose_level: fmpq
-    joint: Absorbed
-    joint_level: fmpq
-    rates: tuple[Rates, ...]  # of each distinct segment, or of each band of a tube's speeds
-    bands: tuple[tuple[fmpq, fmpq], ...] = ()  # of a tube: speeds, m/s
-    by_speed: tuple[Absorbed, ...] = ()  # what is absorbed by itself at the speeds of each band
-    along: tuple[Bounds, ...] = ()  # of a path in tubes: for each run, bounds for all of which the law has to ask
-
-
-def prove_robustness(
-    certificate: Certificate, dynamics: Symbolic, hints: Sequence[Sequence[HeldStretch]]
-) -> Robustness:
-    """What the funnels of a proven certificate absorb.
+    `entries` has for each funnel a number √γ: V is at most γ where another one hands over to it.
 
     Raises:
         Broken, ValueError: says what is not proven.
@@ -187,19 +82,19 @@ def prove_robustness(
         assert funnel.margin_per_metre is not None  # a tube's certificate has it
         per_metre = rational(decimal_text(funnel.margin_per_metre, ROUND_FLOOR))
         told = replace(funnel, margin=margin, margin_per_metre=per_metre)
-        return _of_tube(LegClaim(problem, dynamics, course, told), shell, own, effort)
-    kinds = zip(problem.distinct, certificate.funnels, _entries(certificate, course), hints, strict=True)
+        return _over_tube(LegClaim(problem, dynamics, course, told), shell, own, effort)
+    _prove_entries(certificate, course, entries)
     rates = tuple(
         prove_rates(
-            LegClaim(problem, dynamics, segment, replace(funnel, margin=margin)), max(entry, shell), own, effort
+            LegClaim(problem, dynamics, segment, replace(funnel, margin=margin)), max(entry**2, shell), own, effort
         )
-        for segment, funnel, entry, own in kinds
+        for segment, funnel, entry, own in zip(problem.distinct, certificate.funnels, entries, hints, strict=True)
         if isinstance(segment, SegmentClaim)
     )
-    return absorbed(rates)
+    return BoundsOver(rates, partial(least_level, rates))
 
 
-def _of_tube(leg: LegClaim[Bounds], shell: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> Robustness:
+def _over_tube(leg: LegClaim[Bounds], shell: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> BoundsOver:
     """Of the tube's bands of speed, each with hints of its own."""
     bands = bands_of(leg.along, hints)
     if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
@@ -207,7 +102,7 @@ def _of_tube(leg: LegClaim[Bounds], shell: fmpq, hints: Sequence[HeldStretch], e
     rates = tuple(
         tube_rates(leg, band, shell, stretch.pieces, effort) for band, stretch in zip(bands, hints, strict=True)
     )
-    return replace(absorbed(rates), bands=bands, by_speed=_by_speed(rates))
+    return BoundsOver(rates, partial(least_level, rates), bands)
 
 
 def bands_of(tube: Bounds, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fmpq], ...]:
@@ -223,118 +118,13 @@ def bands_of(tube: Bounds, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fm
     return tuple(zip(begins, ends, strict=True))
 
 
-# --- what follows from the bounds
-
-
-def absorbed(rates: Sequence[Rates], keeps: Keeps | None = None) -> Robustness:
-    """What all of the bounds allow; `keeps` tells of some amounts which level is kept under them, if one is.
-
-    Raises:
-        Broken: nothing is absorbed.
-    """
-    size = range(len(rates[0].slopes))
-    if any(one.decrease <= 0 for one in rates):
-        raise Broken("robustness: the reference jumps by more than the margin makes up for")
-    keeps = keeps or (lambda amounts: least_level(rates, amounts))
-    rising = [min(_quotient(1 - one.inner, one.rise), one.horizon) for one in rates]
-    none = (fmpq(0),) * len(size)
-    nothing = Absorbed(fmpq(0), none, none, fmpq(0))
-
-    def only(i: int, value: fmpq) -> tuple[fmpq, ...]:
-        return (*none[:i], value, *none[i + 1 :])
-
-    def of_one(name: str, i: int, wanted: fmpq) -> tuple[fmpq, fmpq]:
-        found, level = _largest(keeps, replace(nothing, **{name: only(i, wanted)}))
-        return getattr(found, name)[i], level
-
-    period = min(*rising, *(_quotient(2 * one.decrease, one.bend) for one in rates))
-    delay = min(*rising, *(_quotient(one.decrease, one.staleness) for one in rates))
-    drifts = [min(_quotient(one.decrease, one.gradient[i]) for one in rates) for i in size]
-    errors = [min(_quotient(one.decrease, one.slopes[i]) for one in rates) for i in size]
-    posed = [of_one("pose_error", i, wanted) for i, wanted in enumerate(errors)]
-    alone = Absorbed(
-        period=_largest(keeps, replace(nothing, period=period))[0].period,
-        disturbance=tuple(of_one("disturbance", i, wanted)[0] for i, wanted in enumerate(drifts)),
-        pose_error=tuple(found for found, _ in posed),
-        delay=_largest(keeps, replace(nothing, delay=delay))[0].delay,
-    )
-    joint, level = _largest(
-        keeps,
-        Absorbed(
-            period=PERIOD * alone.period,
-            disturbance=tuple(DISTURBANCE * value / len(size) for value in alone.disturbance),
-            pose_error=tuple(POSE * value / len(size) for value in alone.pose_error),
-            delay=DELAY * alone.delay,
-        ),
-    )
-    return Robustness(alone, min(level for _, level in posed), joint, level, tuple(rates))
-
-
-def _by_speed(rates: Sequence[Rates]) -> tuple[Absorbed, ...]:
-    """What is absorbed by itself in each band; errors of the pose are those of all bands, whose level is told."""
-    every = absorbed(rates).alone.pose_error
-    return tuple(replace(absorbed((one,)).alone, pose_error=every) for one in rates)
-
-
-def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
-    """Never more than a number without meaning: what has no bound is never used up."""
-    return min(amount / bound, MOST) if bound else MOST
-
-
-def _largest(keeps: Keeps, wanted: Absorbed) -> tuple[Absorbed, fmpq]:
-    """The wanted amounts, or a large part of them under which a level is kept, and that level."""
-    best, level, factor, step = wanted.scaled(fmpq(0)), fmpq(1), fmpq(1), fmpq(1)
-    for _ in range(HALVINGS):
-        tried = wanted.scaled(factor)
-        kept = keeps(tried)
-        if kept is not None:
-            best, level = tried, kept
-            if factor == 1:
-                break
-        step /= 2
-        factor += step if kept is not None else -step
-    return best, level
-
-
-def least_level(rates: Sequence[Rates], amounts: Absorbed) -> fmpq | None:
-    """The least of the levels that are kept; None where one is not."""
-    levels = [kept_level(one, amounts) for one in rates]
-    return None if None in levels else min(level for level in levels if level is not None)
-
-
-def kept_level(rates: Rates, amounts: Absorbed) -> fmpq | None:
-    """1 − ω where the inequalities above hold for one funnel, else None."""
-    blurred = rates.blurred(amounts)
-    inside = rates.inner + 2 * blurred + rates.risen(amounts)
-    prompt = amounts.period + amounts.delay <= rates.horizon
-    return 1 - blurred if rates.spent(amounts) <= rates.decrease and inside <= 1 and prompt else None
-
-
-def _dot(first: Sequence[fmpq], second: Sequence[fmpq]) -> fmpq:
-    return sum((a * b for a, b in zip(first, second, strict=True)), fmpq(0))
-
-
-# --- the bounds
-
-
-def _entries(certificate: Certificate, course: Course) -> list[fmpq]:
-    """γ of each distinct segment: V at its start at most, where another one hands over to it; 0 where none does."""
-    found = [fmpq(0)] * len(certificate.funnels)
+def _prove_entries(certificate: Certificate, course: Course, entries: Sequence[fmpq]) -> None:
+    """That V is at most the square of its entry where a funnel takes over."""
     for before, after, gap in links(course):
         first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
-        duration = course.segments[before].duration
-        jump = gap.jump(second.shape, fmpq_mat([list(row) for row in second.shape]).inv())
-        level = first.level.bounds(duration)[1]
-        low, high = jump, fmpq(1)  # √γ
-        for _ in range(GAMMA_STEPS):
-            middle = (low + high) / 2
-            factor = level / (middle - jump) ** 2
-            rows = zip(first.shape, second.shape, strict=True)
-            inside = is_positive_definite([[a - factor * b for a, b in zip(*row, strict=True)] for row in rows])
-            low, high = (low, middle) if inside else (middle, high)
-        kind = course.kinds[after]
-        found[kind] = max(found[kind], high * high)
-    return found
+        root = entries[course.kinds[after]]
+        if not is_entered(first, course.segments[before].duration, second, gap, root):
+            raise Broken(f"robustness: from segment {before} to segment {after} V is not below the entry claimed")
 
 
 def prove_rates(leg: LegClaim[SegmentClaim], inner: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> Rates:
@@ -386,7 +176,7 @@ def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, in
         gradient=tuple(2 * widest * norm for norm in norms),
         norms=norms,
         widest=widest,
-        staleness=_dot(slopes, speeds) + max(sizes.stir for sizes in found),
+        staleness=dot(slopes, speeds) + max(sizes.stir for sizes in found),
         decrease=decrease,
         inner=inner,
     )

@@ -10,6 +10,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from flint import fmpq
 
+from cfjax.check.amounts import Robustness
 from cfjax.check.bounds import Bounds, Range, place_of
 from cfjax.check.certified import LAW_SHARE
 from cfjax.check.chain import SetsClaim
@@ -19,7 +20,6 @@ from cfjax.check.document import Course, FunnelClaim, ProblemClaim, VehicleClaim
 from cfjax.check.meaning import Assumptions
 from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted, Shown, Violation
 from cfjax.check.rational import about, decimal_text, sqrt_upper
-from cfjax.check.robustness import Robustness
 from cfjax.check.surroundings import Surroundings
 from cfjax.check.vehicle import KNOWN_VEHICLES
 

@@ -31,11 +31,11 @@ from flint import fmpq
 
 from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
+from cfjax.check.amounts import SHARE
+from cfjax.check.amounts import Absorbed as ProvenAmounts
+from cfjax.check.amounts import Robustness as Proven
 from cfjax.check.containment import half_widths
 from cfjax.check.rational import float_below
-from cfjax.check.robustness import SHARE
-from cfjax.check.robustness import Absorbed as ProvenAmounts
-from cfjax.check.robustness import Robustness as Proven
 from cfjax.clock import Clock
 from cfjax.errors import InputError, NotWritten
 from cfjax.exact import tube_within

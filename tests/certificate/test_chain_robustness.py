@@ -15,16 +15,17 @@ import pytest
 from flint import fmpq
 
 import cfjax
+from cfjax.certificate.amounts import largest_amounts
 from cfjax.certificate.robustness import robustness_document
 from cfjax.check import Outcome, Report, check_document
+from cfjax.check.amounts import SHARE, Absorbed, Rates, verified
 from cfjax.check.bounds import Bounds
 from cfjax.check.chain import ChainClaim, SetsClaim, read_chain
-from cfjax.check.chain_robustness import HeldTube, Told, _handed_over, prove_chain_robustness
-from cfjax.check.held_hints import read_chain_hints
+from cfjax.check.chain_robustness import HeldTube, Told, _handed_over, bounds_along
+from cfjax.check.held_hints import TubeHints, read_chain_robustness
 from cfjax.check.rational import sqrt_lower, sqrt_upper
 from cfjax.check.reference import Gap
 from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import SHARE, Absorbed, Rates
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.plants import Model, sensor_named
 from cfjax.problem import (
@@ -71,9 +72,9 @@ def chain_of(following: Following) -> Chain:
     report = check_robustness(check_document(document), document, hints)
     assert report.outcome is Outcome.PROVEN, report.message
     claim = read_chain(document, skip_hash=True)
-    read = read_chain_hints(hints, str(document["hash"]), len(claim.tubes), 4)
-    found, held = prove_chain_robustness(claim, read)
-    assert found == report.robustness
+    file = read_chain_robustness(hints, str(document["hash"]), len(claim.tubes), 4)
+    bounds, held = bounds_along(claim, file.hints)
+    assert verified(file.stated, bounds) == report.robustness
     return Chain(following, document, hints, report, held)
 
 
@@ -228,6 +229,15 @@ def test_more_amiss_is_more_of_the_way() -> None:
 # --- along a real path
 
 
+def hints_of(two: Chain) -> tuple[TubeHints, ...]:
+    return read_chain_robustness(two.hints, str(two.document["hash"]), 2, 4).hints
+
+
+def period_of(claim: ChainClaim, hints: tuple[TubeHints, ...]) -> fmpq:
+    """The longest that is found for inputs to be held."""
+    return largest_amounts(bounds_along(claim, hints)[0]).alone.period
+
+
 def test_what_is_spent_on_links_is_not_absorbed(two: Chain) -> None:
     """The shorter the way in the wide tube, the less may go amiss; enough of it, and the tubes themselves decide."""
     absorbed = two.report.robustness
@@ -235,8 +245,7 @@ def test_what_is_spent_on_links_is_not_absorbed(two: Chain) -> None:
     periods = []
     for metres in (4.6, 5.0, 8.0):
         claim = read_chain(chain_document(narrowing(metres)), skip_hash=True)
-        hints = read_chain_hints(two.hints, str(two.document["hash"]), 2, 4)  # at the same curvatures and speed
-        periods.append(prove_chain_robustness(claim, hints)[0].alone.period)
+        periods.append(period_of(claim, hints_of(two)))  # at the same curvatures and speed
     assert 0 < periods[0] < periods[1] < periods[2] == absorbed.alone.period
     own = min(min(2 * one.decrease / one.bend for one in held.rates) for held in two.held)
     assert absorbed.alone.period < own
@@ -247,12 +256,11 @@ def test_what_is_spent_on_g_is_not_absorbed(two: Chain) -> None:
     absorbed, last = two.report.robustness, two.held[1].tube
     assert absorbed is not None
     claim = read_chain(two.document, skip_hash=True)
-    hints = read_chain_hints(two.hints, str(two.document["hash"]), 2, 4)
     periods = []
     for level in GOALS:
         goal = tuple(sqrt_upper(4 * level * last.inverse[i, i]) for i in range(4))  # holds {V <= level}
         asked = replace(claim, sets=SetsClaim(inlet=(fmpq(1, 100),) * 4, goal=goal, safe=None))
-        periods.append(prove_chain_robustness(asked, hints)[0].alone.period)
+        periods.append(period_of(asked, hints_of(two)))
     assert absorbed.alone.period == periods[0] > periods[1] > periods[2] > 0
 
 
@@ -405,6 +413,8 @@ def test_what_is_told_of_the_path_is_looked_at(two: Chain) -> None:
         "bands of speed": bounds(0, "speed", ["1/2", "2"]),
         "have to cover": lambda hints: hints["tubes"][1]["bands"][0]["levels"][0]["cells"].pop(),
         "hints for another certificate": lambda hints: hints.update(certificate="0" * 64),
+        "do not allow the period": lambda hints: hints["amounts"]["alone"].update(period="1/50"),
+        "expected amounts for 0 bands": lambda hints: hints["amounts"]["by_speed"].append(hints["amounts"]["alone"]),
     }
     for reason, change in spoiled.items():
         outcome, message = answer(change)

@@ -23,14 +23,16 @@ from cfjax.certificate.stretches import round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
 from cfjax.check import Outcome, check_document
+from cfjax.check.amounts import Absorbed, Rates, Robustness, kept_level
 from cfjax.check.document import Room, SegmentClaim, document_hash, read_problem
 from cfjax.check.enclosure import Budget, Enclosure
 from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
 from cfjax.check.held_hints import read_stretch
 from cfjax.check.proof import LegClaim
+from cfjax.check.rational import rational
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import Absorbed, Rates, Robustness, kept_level, motions, prove_rates
+from cfjax.check.robustness import motions, prove_rates
 from cfjax.check.symbolic import symbolic
 from cfjax.control import LAWS
 from cfjax.control.law import LAW_SHARE, law_numbers
@@ -440,14 +442,44 @@ def test_files_that_show_less_or_nothing(absorbed: Any) -> None:
 
     assert answer(gram)[0] is Outcome.BROKEN
 
-    # a bound that claims more is proven to be what it is: not better than before
+    # a bound that claims more is proven to be what it is, not better than before: it no longer allows the amounts
     def bolder(h: dict) -> None:
         for cell in [cell for level in h["funnels"][0][0]["levels"] for cell in level["cells"]]:
             cell["margin"] = str(fmpq(*map(int, cell["margin"].split("/"))) / 2)
 
-    found = check_robustness(report, document, spoiled(hints, bolder))
-    assert found.outcome is Outcome.PROVEN and found.robustness is not None
-    assert found.robustness.alone.period < proven.alone.period and found.robustness.rates[0].bend > proven.rates[0].bend
+    outcome, message = answer(bolder)
+    assert outcome is Outcome.BROKEN and "the bounds do not allow the period that is claimed" in message
+
+
+@pytest.mark.parametrize("amount", ["period", "disturbance", "pose_error", "delay"])
+@pytest.mark.parametrize("several", ["alone", "together"])
+def test_amounts_are_the_largest_and_no_larger_one_is_believed(absorbed: Any, several: str, amount: str) -> None:
+    *_, document, hints = absorbed
+    report = check_document(document)
+
+    def answer(factor: float, state: int = 0) -> tuple[Outcome, str]:
+        def change(h: dict) -> None:
+            own = h["amounts"][several]
+            if isinstance(own[amount], list):
+                own[amount][state] = str(rational(own[amount][state]) * rational(factor))
+            else:
+                own[amount] = str(rational(own[amount]) * rational(factor))
+
+        found = check_robustness(report, document, spoiled(hints, change))
+        return found.outcome, found.message
+
+    for state in range(4 if amount in ("disturbance", "pose_error") else 1):
+        assert answer(0.5, state)[0] is Outcome.PROVEN
+        outcome, message = answer(1.01 if several == "alone" else 100.0, state)
+        assert outcome is Outcome.BROKEN and "the bounds do not allow the" in message
+        assert answer(-1.0, state)[0] is Outcome.UNREADABLE
+
+
+def test_a_file_without_amounts_says_what_to_do(absorbed: Any) -> None:
+    *_, document, hints = absorbed
+    before = {name: value for name, value in hints.items() if name != "amounts"}
+    found = check_robustness(check_document(document), document, before)
+    assert found.outcome is Outcome.UNREADABLE and "without it the proof stands" in found.message
 
 
 def test_authority_makes_the_box_smaller_around_what_the_reference_needs() -> None:

@@ -12,11 +12,14 @@ import pytest
 from flint import fmpq
 
 from cfjax.certificate import certify
+from cfjax.certificate.amounts import largest_amounts
 from cfjax.certificate.robustness import robustness_document, speed_bands
 from cfjax.check import Outcome, check_document
+from cfjax.check.amounts import Absorbed, BoundsOver, Rates, Robustness, kept_level, least_level, verified
 from cfjax.check.bounds import Bounds
+from cfjax.check.reader import Broken
 from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import HORIZON, Absorbed, Rates, Robustness, _by_speed, absorbed, kept_level
+from cfjax.check.robustness import HORIZON
 from cfjax.control import MinNorm, any_path_numbers, path_point
 from cfjax.control.law import LAW_SHARE
 from cfjax.errors import InputError
@@ -236,11 +239,19 @@ def test_an_error_of_the_pose_in_a_band_is_one_whose_level_is_told() -> None:
         inner=fmpq(9, 10),
     )
     rates = one, replace(one, slopes=(fmpq(800),), decrease=fmpq(2))
-    every, (slow, fast) = absorbed(rates), _by_speed(rates)
-    assert absorbed((one,)).alone.pose_error[0] > every.alone.pose_error[0]  # else there is nothing to see
+    bounds = BoundsOver(rates, partial(least_level, rates), bands=((fmpq(1), fmpq(2)), (fmpq(2), fmpq(3))))
+    every = verified(largest_amounts(bounds), bounds)
+    slow, fast = every.by_speed
+    alone = largest_amounts(BoundsOver((one,), partial(least_level, (one,)))).alone
+    assert alone.pose_error[0] > every.alone.pose_error[0]  # else there is nothing to see
     for band, own in zip(rates, (slow, fast), strict=True):
         kept = kept_level(band, replace(own.scaled(fmpq(0)), pose_error=own.pose_error))
         assert kept is not None and kept >= every.pose_level
+    bolder = largest_amounts(bounds)._replace(by_speed=(replace(slow, period=fast.period * 4), fast))
+    with pytest.raises(Broken, match="the period in band 0 that is claimed"):
+        verified(bolder, bounds)
+    with pytest.raises(Broken, match="amounts for 2 bands of speed, got 1"):
+        verified(largest_amounts(bounds)._replace(by_speed=(slow,)), bounds)
     assert slow.disturbance[0] < fast.disturbance[0]
 
 

@@ -8,6 +8,7 @@ import pytest
 from flint import acb, fmpq
 
 from cfjax.check import Outcome, Report, check_document
+from cfjax.check.amounts import Absorbed, Robustness
 from cfjax.check.bounds import Bounds, Extreme
 from cfjax.check.chain import ChainClaim, SetsClaim
 from cfjax.check.document import Course, FunnelClaim, SegmentClaim, Witness
@@ -16,7 +17,6 @@ from cfjax.check.level import Contracting
 from cfjax.check.meaning import Assumptions
 from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted, Shown, Violation
 from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.robustness import Absorbed, Robustness
 from cfjax.check.statement import VIOLATED, paragraphs
 from tests import by_hand
 from tests.by_hand import ONE, ZERO

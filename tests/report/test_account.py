@@ -8,7 +8,7 @@ from pathlib import Path
 from flint import fmpq
 
 from cfjax.check import Outcome, Report
-from cfjax.check.robustness import Absorbed, Robustness
+from cfjax.check.amounts import Absorbed, Robustness
 from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.report.files import versions
 from cfjax.report.page.page import page_of

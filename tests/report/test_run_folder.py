@@ -13,9 +13,9 @@ import pytest
 from flint import fmpq
 
 from cfjax.check import Outcome, Report, check_file
+from cfjax.check.amounts import Absorbed as ProvenAmounts
+from cfjax.check.amounts import Robustness
 from cfjax.check.bounds import Bounds
-from cfjax.check.robustness import Absorbed as ProvenAmounts
-from cfjax.check.robustness import Robustness
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.problem import Interval, Tube

@@ -1,0 +1,132 @@
+"""The largest amounts that proven bounds allow (`cfjax.check.amounts`): sought here, and verified by the checker."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from flint import fmpq
+
+from cfjax.check.amounts import MOST, Absorbed, BoundsOver, Keeps, Rates, Stated, least_level
+from cfjax.check.document import Certificate, Course
+from cfjax.check.proof import is_entered, links
+from cfjax.check.rational import float_below
+
+
+PERIOD, DISTURBANCE, POSE, DELAY = (fmpq(part, 10) for part in (4, 2, 2, 2))  # of λ', where all come together
+HALVINGS = 16
+
+
+def largest_amounts(bounds: BoundsOver) -> Stated:
+    """Each by itself, then all together in the shares above; rounded down to floating-point numbers.
+
+    Raises:
+        ValueError: nothing can be absorbed.
+    """
+    if any(one.decrease <= 0 for one in bounds.rates):
+        raise ValueError("robustness: the reference jumps by more than the margin makes up for")
+    alone = _each_alone(bounds.rates, bounds.keeps)
+    if not alone.period:
+        raise ValueError("robustness: V has no room to rise while inputs are held")
+    count = len(alone.disturbance)
+    wanted = Absorbed(
+        period=PERIOD * alone.period,
+        disturbance=tuple(DISTURBANCE * value / count for value in alone.disturbance),
+        pose_error=tuple(POSE * value / count for value in alone.pose_error),
+        delay=DELAY * alone.delay,
+    )
+    by_band = (_each_alone((one,), partial(least_level, (one,))) for one in bounds.rates if bounds.bands)
+    return Stated(
+        _rounded(alone),
+        _rounded(_largest(bounds.keeps, wanted)),
+        # errors of the pose are those of all bands, whose level is told
+        tuple(_rounded(replace(own, pose_error=alone.pose_error)) for own in by_band),
+    )
+
+
+def _each_alone(rates: Sequence[Rates], keeps: Keeps) -> Absorbed:
+    states = range(len(rates[0].slopes))
+    rising = [min(_quotient(1 - one.inner, one.rise), one.horizon) for one in rates]
+    wanted = Absorbed(
+        period=min(*rising, *(_quotient(2 * one.decrease, one.bend) for one in rates)),
+        disturbance=tuple(min(_quotient(one.decrease, one.gradient[i]) for one in rates) for i in states),
+        pose_error=tuple(min(_quotient(one.decrease, one.slopes[i]) for one in rates) for i in states),
+        delay=min(*rising, *(_quotient(one.decrease, one.staleness) for one in rates)),
+    )
+
+    def by_state(name: str) -> tuple[fmpq, ...]:
+        return tuple(getattr(_largest(keeps, wanted.alone(name, i)), name)[i] for i in states)
+
+    return Absorbed(
+        period=_largest(keeps, wanted.alone("period")).period,
+        disturbance=by_state("disturbance"),
+        pose_error=by_state("pose_error"),
+        delay=_largest(keeps, wanted.alone("delay")).delay,
+    )
+
+
+def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
+    """Never more than a number without meaning: what has no bound is never used up."""
+    return min(amount / bound, MOST) if bound else MOST
+
+
+def _largest(keeps: Keeps, wanted: Absorbed) -> Absorbed:
+    """The wanted amounts, or a large part of them that is absorbed."""
+    best, factor, step = wanted.scaled(fmpq(0)), fmpq(1), fmpq(1)
+    for _ in range(HALVINGS):
+        tried = wanted.scaled(factor)
+        is_kept = keeps(tried) is not None
+        if is_kept:
+            best = tried
+            if factor == 1:
+                break
+        step /= 2
+        factor += step if is_kept else -step
+    return best
+
+
+def _rounded(amounts: Absorbed) -> Absorbed:
+    def down(value: fmpq) -> fmpq:
+        return fmpq(*float_below(value).as_integer_ratio())  # its decimal may be above it
+
+    return Absorbed(
+        down(amounts.period),
+        tuple(map(down, amounts.disturbance)),
+        tuple(map(down, amounts.pose_error)),
+        down(amounts.delay),
+    )
+
+
+def entries_of(certificate: Certificate) -> tuple[fmpq, ...]:
+    """For each funnel √γ: V is at most γ where another one hands over to it; 0 where none does."""
+    found, course = [fmpq(0)] * len(certificate.funnels), certificate.problem.course
+    if not isinstance(course, Course):
+        return tuple(found)
+    for before, after, gap in links(course):
+        first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
+        low, high = fmpq(0), fmpq(1)
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            inside = is_entered(first, course.segments[before].duration, second, gap, middle)
+            low, high = (low, middle) if inside else (middle, high)
+        kind = course.kinds[after]
+        found[kind] = max(found[kind], high)
+    return tuple(found)
+
+
+def write_amounts(stated: Stated) -> dict[str, Any]:
+    """As the checker reads them."""
+    return {
+        "alone": _written(stated.alone),
+        "together": _written(stated.together),
+        "by_speed": [_written(own) for own in stated.by_speed],
+    }
+
+
+def _written(amounts: Absorbed) -> dict[str, Any]:
+    return {
+        "period": str(amounts.period),
+        "disturbance": [str(value) for value in amounts.disturbance],
+        "pose_error": [str(value) for value in amounts.pose_error],
+        "delay": str(amounts.delay),
+    }
