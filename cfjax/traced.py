@@ -29,8 +29,6 @@ from jax import export
 
 
 PACKAGE = Path(__file__).parent
-# XLA's older emitters compile small programs in half the time; what they make runs as fast unless its arrays are large
-QUICKLY_COMPILED = (("xla_cpu_use_fusion_emitters", False),)
 UNKNOWN_OPTION = "No such compile option"
 FOLDER = "traced"  # within JAX's compilation cache
 

@@ -29,7 +29,7 @@ from cfjax.funnel.conditions import chain_excess, decrease_margins
 from cfjax.funnel.instance import Chain, Instance
 from cfjax.problem import ReferencePoint, Vehicle, affine_deviation
 from cfjax.problem.vehicle import Scalar
-from cfjax.traced import QUICKLY_COMPILED, traced
+from cfjax.traced import traced
 
 
 ROUNDING = 0.1  # of |b_i|, per particle step and scale of the margin
@@ -112,7 +112,7 @@ def duel(
     numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
     whole = (scale, factor, change, *particles)
     shares = zip(*(np.split(values, 2 - len(scale) % 2) for values in whole), strict=True)  # of the candidates
-    program = traced(_run, vehicle, template, options=QUICKLY_COMPILED)
+    program = traced(_run, vehicle, template)
     moved = program.side_by_side([(chain, numbers, *share) for share in shares])
     factor, change, points, margins = map(np.concatenate, zip(*moved, strict=True))
     return Outcome(factor, change, particles._replace(points=points), margins)

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from cfjax.solver.interior_point import Bases, State, identity_side, solve_many, solve_one
 from cfjax.solver.points import Space, space
 from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Shape, Solution, Status
-from cfjax.traced import QUICKLY_COMPILED, traced
+from cfjax.traced import traced
 
 
 ACCURATE = 1e-4  # gap and error up to which a solution is called optimal
@@ -30,8 +30,9 @@ SECOND_STACK = 2  # at least, below the largest degree: bounds of V̇ (one block
 LANES = {"cpu": 1}  # programs that are solved in lockstep; on a CPU one by one is faster, cores work side by side
 LANES_ELSEWHERE = 64
 
-# threads for products this small only wait for each other
-_solve_one = traced(solve_one, options=(("xla_cpu_multi_thread_eigen", False), *QUICKLY_COMPILED))
+# threads for products this small only wait for each other, and XLA's older emitters compile them in half the time
+_OPTIONS = ("xla_cpu_multi_thread_eigen", False), ("xla_cpu_use_fusion_emitters", False)
+_solve_one = traced(solve_one, options=_OPTIONS)
 _solve_many = traced(solve_many)
 
 
