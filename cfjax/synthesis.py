@@ -88,7 +88,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 def _instead(failed: Result, problem: Problem, options: Options, clock: Clock) -> Result:
     """Funnels of the path's own segments, where they are few; else what is known, and how to have them."""
     count = len(problem.path.distinct)
-    if count <= MOST_TRIED:
+    if count <= MOST_TRIED or problem.obstacles:  # beside these a funnel of its own may be narrow where it has to be
         return _by_segments(problem, options, clock)
     return failed.replace(
         message=f"{failed.message}; certificate=segment would learn and prove a funnel for each of the path's {count} "

@@ -5,7 +5,8 @@
 Prints one table and writes it as path_table.csv and path_table.md. A funnel shrinks from I to G and its λ pays for
 that; an invariant tube does not shrink, so that its λ is larger where it exists at all, and it serves every other path
 within its bounds too. Widths are the largest lateral half-width (m); the disturbance is the lateral one (m/s) that λ
-absorbs at the start. Beside obstacles a tube has to be as narrow all along as it is where they are nearest. Seconds are wall time: learning, proof and check, no cars.
+absorbs at the start. Beside obstacles a tube has to be as narrow all along as it is where they are nearest. Seconds are
+wall time: learning, proof and check, no cars.
 """
 
 import argparse

@@ -18,7 +18,7 @@ HALVINGS = 16
 
 
 def largest_amounts(bounds: BoundsOver) -> Stated:
-    """Each by itself, then all together in the shares above; rounded down to floating-point numbers.
+    """Each by itself, then all together in the shares above.
 
     Raises:
         ValueError: nothing can be absorbed.
@@ -36,12 +36,9 @@ def largest_amounts(bounds: BoundsOver) -> Stated:
         delay=DELAY * alone.delay,
     )
     by_band = (_each_alone((one,), partial(least_level, (one,))) for one in bounds.rates if bounds.bands)
-    return Stated(
-        _rounded(alone),
-        _rounded(_largest(bounds.keeps, wanted)),
-        # errors of the pose are those of all bands, whose level is told
-        tuple(_rounded(replace(own, pose_error=alone.pose_error)) for own in by_band),
-    )
+    # errors of the pose are those of all bands, whose level is told
+    by_speed = tuple(replace(own, pose_error=alone.pose_error) for own in by_band)
+    return Stated(alone, _largest(bounds.keeps, wanted), by_speed)
 
 
 def _each_alone(rates: Sequence[Rates], keeps: Keeps) -> Absorbed:
@@ -71,10 +68,10 @@ def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
 
 
 def _largest(keeps: Keeps, wanted: Absorbed) -> Absorbed:
-    """The wanted amounts, or a large part of them that is absorbed."""
+    """The wanted amounts, or a large part of them that is absorbed; floating-point numbers."""
     best, factor, step = wanted.scaled(fmpq(0)), fmpq(1), fmpq(1)
     for _ in range(HALVINGS):
-        tried = wanted.scaled(factor)
+        tried = _rounded(wanted.scaled(factor))
         is_kept = keeps(tried) is not None
         if is_kept:
             best = tried

@@ -218,4 +218,4 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
         return write_clearance(find_clearance(claim.surroundings, spans_of(course, written)))
     except NotClear as error:
         place = place_on(problem.path, error.span, error.theta, error.theta)
-        raise fail(f"condition (c), segment {error.span}: {error}", place) from None
+        raise fail(f"condition (c), segment {error.span}, {error}", place) from None

@@ -27,7 +27,7 @@ from cfjax.check.clearance import (
 from cfjax.check.enclosure import Budget
 from cfjax.check.piece import Piece, between
 from cfjax.check.reference import ExactPose
-from cfjax.check.surroundings import Clearance, Span, Surroundings
+from cfjax.check.surroundings import Clearance, Span, Surroundings, prove_surroundings
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
 
@@ -35,6 +35,7 @@ from cfjax.problem.path import Pose, Profile, Segment
 SAMPLES = 65  # poses along a stretch; a touch between them is the checker's to see
 DIRECTIONS = 128  # of the fan, which is narrowed around its best one: to a milliradian
 NARROWINGS, NARROW_DIRECTIONS = 2, 17
+AT_ONCE = 4096  # poses whose clearances are looked at together: some MB
 SHARE = 0.5  # of the clearance: what a half-plane has to keep
 BISECTIONS = 4  # of the length at which its share is spent
 END_BITS = 5  # of that length as it is written down
@@ -44,13 +45,15 @@ LARGEST_EFFORT = 2**9 * STRETCH_EFFORT  # of one half-plane's proof: a longer on
 
 
 class NotClear(ValueError):
-    """The body may touch an obstacle, as far as half-planes tell: at `theta` (s) of a span, by its number."""
+    """The body may touch an obstacle, as far as half-planes tell: at `theta` (s) of a span; both by their numbers."""
 
-    def __init__(self, message: str, theta: float) -> None:
+    def __init__(self, message: str, theta: float, span: int = 0, obstacle: int = 0) -> None:
         super().__init__(message)
-        self.theta = theta
-        self.span = 0
-        self.obstacle = 0
+        self.theta, self.span, self.obstacle = theta, span, obstacle
+
+    def at(self, span: int, obstacle: int) -> "NotClear":
+        """The same, said of that span and obstacle."""
+        return NotClear(f"obstacle {obstacle}: {self}", self.theta, span, obstacle)
 
 
 class _View(NamedTuple):
@@ -67,22 +70,23 @@ def find_clearance(surroundings: Surroundings, spans: Sequence[Span]) -> Clearan
 
     Raises:
         NotClear: where the body may touch an obstacle.
+        Broken: all proofs together are more than the checker takes.
     """
+    obstacles, footprint = surroundings
+    if not obstacles:
+        return ()
     found = []
-    for index, span in enumerate(spans if surroundings.obstacles else ()):
+    for index, span in enumerate(spans):
+        shadows = [Shadow(span.shape, span.level, disc) for disc in footprint]
         by_obstacle = []
-        for number, obstacle in enumerate(surroundings.obstacles):
+        for number, obstacle in enumerate(obstacles):
             try:
-                by_obstacle.append(
-                    tuple(
-                        tuple(find_half_planes(span.pieces, span.start, Shadow(span.shape, span.level, disc), obstacle))
-                        for disc in surroundings.footprint
-                    )
-                )
+                planes = [find_half_planes(span.pieces, span.start, shadow, obstacle) for shadow in shadows]
             except NotClear as error:
-                error.span, error.obstacle = index, number
-                raise
+                raise error.at(index, number) from None
+            by_obstacle.append(tuple(map(tuple, planes)))
         found.append(tuple(by_obstacle))
+    prove_surroundings(surroundings, spans, tuple(found))
     return tuple(found)
 
 
@@ -141,10 +145,10 @@ def least_clearances(
     around = np.linalg.norm(corners - middle, axis=1).max() + float(obstacle.round) + float(shadow.disc.radius)
     reach = np.sqrt(level * np.linalg.eigvalsh(spread)[-1]) + abs(float(shadow.disc.offset))
     found = np.linalg.norm(poses[:, 1:] - middle, axis=1) - around - reach
-    near = found <= 0
-    if near.any():
-        fan = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
-        found[near] = _clearances(fan, poses[near], level[near], shadow, obstacle).max(axis=0)
+    fan = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
+    near = np.flatnonzero(found <= 0)
+    for some in np.split(near, range(AT_ONCE, len(near), AT_ONCE)):
+        found[some] = _clearances(fan, poses[some], level[some], shadow, obstacle).max(axis=0)
     return found
 
 

@@ -140,15 +140,16 @@ class BoundsOver:
 
 @dataclass(frozen=True)
 class Robustness:
-    """Amounts that are absorbed, and the levels below which V stays from starts there.
+    """Amounts that are absorbed: V stays below 1.
 
-    It is below 1 but for errors of the pose, alone (`pose_level`) or together with others (`joint_level`).
+    From starts with V ≤ `pose_level` under an error of the pose alone, and with V ≤ `level` under all amounts together;
+    both are 1 where the pose has no errors.
     """
 
     alone: Absorbed
     pose_level: fmpq
-    joint: Absorbed
-    joint_level: fmpq
+    together: Absorbed
+    level: fmpq
     rates: tuple[Rates, ...]
     bands: tuple[Range, ...] = ()
     by_speed: tuple[Absorbed, ...] = ()
@@ -185,8 +186,8 @@ def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
     return Robustness(
         alone=alone,
         pose_level=each_alone(alone, bounds.keeps, ""),
-        joint=together,
-        joint_level=level("amounts together", together),
+        together=together,
+        level=level("amounts together", together),
         rates=bounds.rates,
         bands=bounds.bands,
         by_speed=by_speed,

@@ -49,7 +49,7 @@ class Run(NamedTuple):
     end: int
     tube: CertifiedTube
 
-    def span(self, reference: Reference, name: str) -> Span:
+    def span(self, reference: Reference, name: str = "the run") -> Span:
         """Its pieces as one stretch of θ from 0, in the tube as a funnel whose level stays."""
         theta, pieces = fmpq(0), []
         for piece in reference.pieces[self.begin : self.end]:

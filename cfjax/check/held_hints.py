@@ -1,7 +1,7 @@
 """A robustness file, read: what it states, and hints. Shapes and sizes are checked, nothing of it is believed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import comb
 from typing import Any, NamedTuple
 
@@ -102,7 +102,7 @@ def read_robustness(document: object, certificate: str, funnels: int, states: in
             tuple(read_stretch(entry, states, room) for entry in item.items(MOST_STRETCHES))
             for item in each.items(funnels, funnels)
         ),
-        tuple(entry.rational() for entry in entries.items(funnels, funnels)),
+        tuple(map(_amount, entries.items(funnels, funnels))),
     )
 
 
@@ -113,7 +113,7 @@ def _fields(document: object, certificate: str, *names: str) -> list[Item]:
     if document.get("version") != VERSION or isinstance(document["version"], bool):
         raise Unreadable(f"this checker reads version {VERSION} of the format")
     if "amounts" not in document:
-        raise Unreadable("expected amounts, which files of earlier versions do not state; without it the proof stands")
+        raise Unreadable("expected amounts, which earlier versions did not state; the certificate stands without it")
     fields = Item(document, "").record("format", "version", "claim", "hash", "certificate", "amounts", *names)
     fields[2].choice(CLAIM)
     if fields[3].value != document_hash(document):
@@ -125,22 +125,26 @@ def _fields(document: object, certificate: str, *names: str) -> list[Item]:
 
 def _stated(item: Item, states: int) -> Stated:
     alone, together, by_speed = item.record("alone", "together", "by_speed")
-    every = _amounts(alone, states)
-    bands = (replace(_amounts(band, states), pose_error=every.pose_error) for band in by_speed.items(MOST_STRETCHES, 0))
+    every, bands = _amounts(alone, states), []
+    for entry in by_speed.items(MOST_STRETCHES, 0):
+        bands.append(_amounts(entry, states))
+        if bands[-1].pose_error != every.pose_error:
+            entry.refuse("the pose_error of alone")
     return Stated(every, _amounts(together, states), tuple(bands))
 
 
 def _amounts(item: Item, states: int) -> Absorbed:
     period, disturbance, pose_error, delay = item.record("period", "disturbance", "pose_error", "delay")
 
-    def amount(entry: Item) -> fmpq:
-        found = entry.rational()
-        return found if found >= 0 else entry.refuse("an amount that is not negative")
-
     def by_state(entry: Item) -> tuple[fmpq, ...]:
-        return tuple(map(amount, entry.items(states, states)))
+        return tuple(map(_amount, entry.items(states, states)))
 
-    return Absorbed(amount(period), by_state(disturbance), by_state(pose_error), amount(delay))
+    return Absorbed(_amount(period), by_state(disturbance), by_state(pose_error), _amount(delay))
+
+
+def _amount(item: Item) -> fmpq:
+    found = item.rational()
+    return found if found >= 0 else item.refuse("a number that is not negative")
 
 
 def read_stretch(item: Item, states: int, room: Room) -> HeldStretch:

@@ -78,7 +78,8 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
             raise Broken(_of(index, kinds) + "; ".join(broken))
     if isinstance(course, Course):
         _prove_links(course, funnels)
-        prove_surroundings(problem.surroundings, spans_of(course, funnels), certificate.clearance)
+        if problem.surroundings.obstacles:  # else nobody asks where the path lies
+            prove_surroundings(problem.surroundings, spans_of(course, funnels), certificate.clearance)
     elif problem.surroundings.obstacles:
         raise Broken("condition (c): a tube has no place, so that it clears no obstacle")
     for index, (segment, funnel, hints) in enumerate(zip(problem.distinct, funnels, certificate.hints, strict=True)):

@@ -30,7 +30,7 @@ CERTIFICATE_NAME, ROBUSTNESS_NAME = "certificate.json", "robustness.json"
 def check_file(path: str | Path, skip_hash: bool = False) -> Report:
     """Replay the certificate at the path, or in the run's folder there; no exception for anything in the file.
 
-    Of a folder, what the funnels absorb too, where hints for it lie beside the certificate.
+    Of a folder, what the funnels absorb too, where a file that says so lies beside the certificate.
     """
     where, hints = Path(path), None
     try:
@@ -46,7 +46,7 @@ def check_file(path: str | Path, skip_hash: bool = False) -> Report:
 
 
 def check_robustness(report: Report, document: object, hints: object) -> Report:
-    """A report with what the funnels of the proven certificate absorb, by the parsed hints."""
+    """A report with what the funnels of the proven certificate absorb, as the parsed file states it."""
     if report.outcome is not Outcome.PROVEN:
         return report
     try:

@@ -78,6 +78,8 @@ def bounds_over(
     margin = rational(decimal_text(min(funnel.margin for funnel in certificate.funnels), ROUND_FLOOR))
     shell = rational(decimal_text(max(funnel.beta_lower for funnel in certificate.funnels), ROUND_CEILING))
     if isinstance(course, Bounds):
+        if any(entries):
+            raise Broken("robustness: an entry is claimed of a tube")
         (funnel,), (own,) = certificate.funnels, hints
         assert funnel.margin_per_metre is not None  # a tube's certificate has it
         per_metre = rational(decimal_text(funnel.margin_per_metre, ROUND_FLOOR))
@@ -119,7 +121,10 @@ def bands_of(tube: Bounds, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fm
 
 
 def _prove_entries(certificate: Certificate, course: Course, entries: Sequence[fmpq]) -> None:
-    """That V is at most the square of its entry where a funnel takes over."""
+    """That V is at most the square of its entry where a funnel takes over, and nothing is said where none does."""
+    entered = {course.kinds[after] for _, after, _ in links(course)}
+    if any(root for kind, root in enumerate(entries) if kind not in entered):
+        raise Broken("robustness: an entry is claimed of a funnel that no other one hands over to")
     for before, after, gap in links(course):
         first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
         root = entries[course.kinds[after]]

@@ -164,14 +164,14 @@ def _absorbed(shown: ProvenFunnels | ProvenTube | ProvenChain, proven: Robustnes
     def each(amounts: Sequence[fmpq]) -> str:
         return ", ".join(f"{name} {_down(amount)}" for name, amount in zip(states, amounts, strict=True))
 
-    alone, joint = proven.alone, proven.joint
+    alone, together = proven.alone, proven.together
     return (
         f"A law whose inputs {law} may hold them for {_down(alone.period)} s{meanwhile}; or, chosen at every moment, "
         f"they absorb in one state a rate that is off by ({each(alone.disturbance)}) a second; or a measured one that "
         f"is off by ({each(alone.pose_error)}), from starts in V <= {_down(proven.pose_level)}; or, once it has come, "
         f"what was measured {_down(alone.delay)} s ago, theta with it.",
-        f"All at once, in every state: held for {_down(joint.period)} s, ({each(joint.disturbance)}) a second, "
-        f"({each(joint.pose_error)}), {_down(joint.delay)} s ago, from starts in V <= {_down(proven.joint_level)}.",
+        f"All at once, in every state: held for {_down(together.period)} s, ({each(together.disturbance)}) a second, "
+        f"({each(together.pose_error)}), {_down(together.delay)} s ago, from starts in V <= {_down(proven.level)}.",
     )
 
 
@@ -268,7 +268,8 @@ def _safe(problem: ProblemClaim, rounding: str) -> str:
 def _clear(surroundings: Surroundings) -> str:
     obstacles, footprint = surroundings
     discs = " and ".join(f"radius {_down(disc.radius)} m at offset {about(disc.offset)} m" for disc in footprint)
-    return f"clear of {len(obstacles)} obstacles that stand in the file, by a footprint of {discs}"
+    count = "one obstacle that stands" if len(obstacles) == 1 else f"{len(obstacles)} obstacles that stand"
+    return f"clear of {count} in the file, by a footprint of {discs}"
 
 
 def _inputs(problem: ProblemClaim, rounding: tuple[str, str]) -> str:

@@ -50,8 +50,6 @@ def prove_surroundings(surroundings: Surroundings, spans: Sequence[Span], cleara
         Broken: says what is not proven.
     """
     obstacles, footprint = surroundings
-    if not obstacles:
-        return
     if not footprint:
         raise Broken("condition (c): there are obstacles, and no footprint that could clear them")
     budget = Budget(CLEARANCE_EFFORT)

@@ -4,7 +4,6 @@ A car that is put somewhere starts at that θ (and so does a law that has lost i
 does so at some θ.
 """
 
-import itertools
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from typing import NamedTuple
@@ -15,10 +14,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from cfjax.coerce import array, instances, objects
-from cfjax.errors import InputError
+from cfjax.coerce import array
+from cfjax.control.legs import leg_arrays
 from cfjax.funnel import Leg, Template
-from cfjax.funnel.funnel import require_fit
 from cfjax.problem import Path, Problem, Vehicle, to_deviation
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 
@@ -46,22 +44,13 @@ def locate(problem: Problem, legs: Sequence[Leg], states: ArrayLike) -> Located:
     than these, one may be missed.
 
     Raises:
-        InputError: for a tube, which has no places, and for states of another shape or that are not finite.
+        InputError: for states of another shape or that are not finite; as `leg_arrays`.
     """
-    objects(problem=(problem, Problem))
-    legs = instances("legs", legs, Leg)
-    if problem.path.tube:
-        raise InputError(f"path {problem.path.name}: expected segments, got a tube, which has no places")
-    states = array("states", states, (None, problem.dimension))
-    if not legs:
-        raise InputError("legs: expected at least one, got none")
-    require_fit(problem, [leg.funnel for leg in legs])
+    arrays = leg_arrays(problem, legs)
+    states = jnp.asarray(array("states", states, (None, problem.dimension)))
     profiles, poses = _course(problem.path, problem.side_slip)
-    begins = [0.0, *(leg.end for leg in legs)]
-    found = []
-    for leg, (begin, end) in zip(legs, itertools.pairwise(begins), strict=True):
-        numbers = (jnp.asarray(leg.funnel.shape), jnp.asarray(leg.funnel.rate, float), begin, end)
-        found.append(_search(problem.vehicle, leg.funnel.template, profiles, poses, *numbers, jnp.asarray(states)))
+    each = zip(arrays.numbers.shape, arrays.numbers.rate, arrays.begin, arrays.end, strict=True)
+    found = [_search(problem.vehicle, arrays.template, profiles, poses, *numbers, states) for numbers in each]
     theta, value, deviation = (np.stack([np.asarray(each) for each in every]) for every in zip(*found, strict=True))
     best, each = value.argmin(axis=0), np.arange(len(states))
     smallest = value[best, each]

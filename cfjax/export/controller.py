@@ -22,7 +22,8 @@ from flint import fmpq
 
 from cfjax.check.rational import decimal_text
 from cfjax.coerce import file, instance
-from cfjax.control.law import LAW_SHARE, leg_numbers
+from cfjax.control.law import LAW_SHARE
+from cfjax.control.legs import leg_arrays
 from cfjax.errors import InputError
 from cfjax.export.graph_c import dynamics, number, straight
 from cfjax.funnel import Template
@@ -88,12 +89,7 @@ def _ascii(text: str) -> str:
 
 
 def _template(result: Result) -> Template:
-    """Of all funnels; at rate 0 every template is V = xᵀCx, so a tube's goes with any."""
-    found = {segment.funnel.template.name: segment.funnel.template for segment in result.segments}
-    used = {segment.funnel.template.name for segment in result.segments if segment.funnel.rate}
-    if len(used) > 1:
-        raise InputError(f"export: expected funnels of one template, got {' and '.join(sorted(used))}")
-    return found[next(iter(used or found))]
+    return leg_arrays(result.problem, result.legs).template
 
 
 def _inputs(problem: Problem) -> tuple[str, ...]:
@@ -117,7 +113,7 @@ def _names(result: Result) -> dict[str, str]:
         "commands": str(len(vehicle.command_names)),
         "legs": str(len(result.legs)),
         "closed": str(int(problem.path.closed)),
-        "duration": number(_duration(problem)),
+        "duration": number(float(leg_arrays(problem, result.legs).end[-1])),
         "state_list": ", ".join(vehicle.state_names),
         "state_units": ", ".join(("heading (rad, 0 looks along +y, counter-clockwise)", "x, y (m)", *internal)),
         "input_list": ", ".join(_inputs(problem)),
@@ -126,10 +122,6 @@ def _names(result: Result) -> dict[str, str]:
         "rate_name": _template(result).rate_name,
         "share": f"{LAW_SHARE:g}",
     }
-
-
-def _duration(problem: Problem) -> float:
-    return float(np.cumsum([segment.duration for segment in problem.path.curve])[-1])
 
 
 def _tables(result: Result) -> dict[str, str]:
@@ -143,10 +135,9 @@ def _tables(result: Result) -> dict[str, str]:
     )
     if (poses.origin != poses.begin[:, None]).any():
         raise AssertionError("the pose's cubics count from where they begin")
-    legs, begin, duration = [], 0.0, _duration(problem)
-    for index, leg in enumerate(result.legs):
-        end = duration if index + 1 == len(result.legs) else float(leg.end)
-        numbers = leg_numbers(problem, leg)
+    arrays, legs = leg_arrays(problem, result.legs), []
+    for index, (begin, end) in enumerate(zip(arrays.begin, arrays.end, strict=True)):
+        numbers = arrays.of(index)
         demands = (numbers.beta_lower, numbers.beta_inner, numbers.decrease, numbers.decrease_per_metre)
         scalars = [begin, end, *map(float, (numbers.rate, *demands))]
         ends = sorted(
@@ -154,7 +145,6 @@ def _tables(result: Result) -> dict[str, str]:
         )
         at_ends = ", ".join(_row([end[k] for end in ends] or [0.0]) for k in range(2))
         legs.append(f"{_row(scalars)[1:-1]}, {len(ends)}, {at_ends}, {_table(np.asarray(numbers.shape))}")
-        begin = end
     return {
         "lower": _list(interval.lower for interval in problem.inputs),
         "upper": _list(interval.upper for interval in problem.inputs),
@@ -229,6 +219,7 @@ def _laps(result: Result) -> str:
 def _banner(result: Result) -> str:
     """What the controller is, and what is guaranteed of it."""
     problem, document = result.problem, result.document or {}
+    duration = leg_arrays(problem, result.legs).end[-1]
     path, vehicle = problem.path, problem.vehicle
     numbers = ", ".join(f"{name} {value}" for name, value in numbers_of(vehicle).items())
     axes = ", ".join(f"{axis:g}" for axis in problem.inlet.half_axes)
@@ -245,7 +236,7 @@ def _banner(result: Result) -> str:
     return f"""cfjax: a controller with a proof. Made by python -m cfjax.export; do not edit.
 
 certificate  {document.get("hash", "without a hash")}
-path         {path.name}, {_duration(problem):g} s of reference time, {"closed" if path.closed else "open"}
+path         {path.name}, {duration:g} s of reference time, {"closed" if path.closed else "open"}
 vehicle      {vehicle.name} ({numbers})
 method       {problem.method.value}, template {_template(result).name}
 margins      {margins}{more} 1/s, one for each leg; the law asks {LAW_SHARE:g} of it

@@ -1,7 +1,7 @@
 """The run folder: what a run leaves behind, and how it is read back.
 
     certificate.json   the proof, where there is one
-    robustness.json    hints for what its funnels absorb, where that is proven
+    robustness.json    what its funnels absorb, with hints for the proof
     reference.csv      samples of the path
     funnel.png         the picture
     report.html        the page that shows all of it
@@ -262,8 +262,8 @@ def _amounts(proven: Proven) -> Robustness:
     return Robustness(
         alone=absorbed(proven.alone),
         pose_level=float_below(proven.pose_level),
-        together=absorbed(proven.joint),
-        level=float_below(proven.joint_level),
+        together=absorbed(proven.together),
+        level=float_below(proven.level),
         by_speed=tuple(
             (float(lower), float(upper), absorbed(own))
             for (lower, upper), own in zip(proven.bands, proven.by_speed, strict=True)

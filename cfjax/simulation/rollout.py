@@ -17,9 +17,9 @@ import numpy as np
 from jax import export
 from jaxtyping import Array, Float, Int
 
-from cfjax.coerce import instances, objects, whole
-from cfjax.control import Law, MinNorm, leg_numbers
-from cfjax.errors import InputError
+from cfjax.coerce import objects, whole
+from cfjax.control import Law, MinNorm
+from cfjax.control.legs import MEETS, leg_arrays
 from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Problem, Vehicle
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
@@ -45,7 +45,6 @@ STEPS = 400  # of reference time for a whole path, at least; u0 ≥ 1/2 takes at
 STEP_SHARE = 1 / 5  # of the funnel scaled to a half-width of 1 rad in heading: per step at full inputs, at most
 JUMP = 1e-6  # relative to the largest along the path: less is rounding
 SHARED = 1000  # cars, from which on they are driven in two shares
-MEETS = 1e-9  # relative to the path's duration: what rounding may leave between an end and what it should meet
 
 
 class Legs(NamedTuple):
@@ -159,40 +158,6 @@ def drive(
     return driven, history
 
 
-def _checked(problem: Problem, legs: Sequence[Leg]) -> list[Leg]:
-    """The legs, the last of which ends exactly with the path.
-
-    Raises:
-        InputError: where they do not lead along the path from its start to its end.
-    """
-    objects(problem=(problem, Problem))
-    legs = instances("legs", legs, Leg)
-    if problem.path.tube:
-        raise InputError(f"path {problem.path.name}: expected segments, got a tube, which has no end")
-    duration = float(np.cumsum([segment.duration for segment in problem.path.curve])[-1])
-    ends = [0.0, *(float(leg.end) for leg in legs)]
-    shortest = min((b - a for a, b in itertools.pairwise(ends)), default=0.0)
-    if not shortest > MEETS * duration or not abs(ends[-1] - duration) <= MEETS * duration:
-        raise InputError(
-            f"legs: expected increasing ends, the last at theta = {duration:g} s where the path ends, got {ends[1:]}"
-        )
-    for index, (leg, begin) in enumerate(zip(legs, ends[:-1], strict=True)):
-        own = leg.funnel.duration
-        if np.isfinite(own) and not abs(own - (leg.end - begin)) <= MEETS * duration:
-            raise InputError(f"legs: expected a funnel of {leg.end - begin:g} s for leg {index}, got one of {own:g} s")
-        if leg.funnel.dimension != problem.dimension:
-            raise InputError(f"legs: expected {problem.dimension} states, got {leg.funnel.dimension} in leg {index}")
-    return [*legs[:-1], legs[-1]._replace(end=duration)]
-
-
-def _template(legs: Sequence[Leg]) -> Template:
-    """The template of all funnels. At rate 0 every template is V = xᵀCx, so a tube's goes with any."""
-    found = {leg.funnel.template.name: leg.funnel.template for leg in legs if leg.funnel.rate}
-    if len(found) > 1:
-        raise InputError(f"legs: expected funnels of one template, got {' and '.join(sorted(found))}")
-    return next(iter(found.values()), legs[0].funnel.template)
-
-
 def _jumps(profiles: Pieces) -> Float[np.ndarray, " j"]:
     """θ (s) at which turning rate, speed or acceleration of the path jump."""
     begin = np.asarray(profiles.begin)
@@ -206,20 +171,25 @@ def _jumps(profiles: Pieces) -> Float[np.ndarray, " j"]:
 
 
 def table_of(problem: Problem, legs: Sequence[Leg], profiles: Pieces) -> Legs:
-    """The legs as arrays, with the step of each."""
-    ends = np.array([0.0, *(leg.end for leg in legs)])
-    margin = MEETS * ends[-1]  # an end and the break that it stands for may be computed in two ways
+    """The legs as arrays, cut where the path jumps, with the step of each.
+
+    Raises:
+        InputError: as `leg_arrays`.
+    """
+    arrays = leg_arrays(problem, legs)
+    whole = arrays.end[-1]
+    margin = MEETS * whole  # an end and the break that it stands for may be computed in two ways
     pieces, jumps = np.asarray(profiles.begin), _jumps(profiles)
     loops, firsts, lasts = [], [], []
-    for leg, begin, end in zip(legs, ends[:-1], ends[1:], strict=True):
-        numbers = leg_numbers(problem, leg)
+    for index, (leg, begin, end) in enumerate(zip(legs, arrays.begin, arrays.end, strict=True)):
         cuts = [begin, *jumps[(jumps > begin + margin) & (jumps < end - margin)], end]
         for since, until in itertools.pairwise(cuts):
             first = int(np.searchsorted(pieces, since + margin, side="right")) - 1
             last = int(np.searchsorted(pieces, until - margin, side="left")) - 1
             theta = np.array([since, *pieces[first + 1 : last + 1], until])
-            step = min(ends[-1] / STEPS, _step(problem, leg.funnel, profiles, np.arange(first, last + 1), theta))
-            loops.append(loop_of(problem, numbers, step, float(begin), float(until)))  # V counts from the leg's begin
+            step = min(whole / STEPS, _step(problem, leg.funnel, profiles, np.arange(first, last + 1), theta))
+            # V counts from the leg's begin
+            loops.append(loop_of(problem, arrays.of(index), step, float(begin), float(until)))
             firsts.append(first)
             lasts.append(last)
     return Legs(jax.tree.map(lambda *leaves: np.stack(leaves), *loops), np.array(firsts), np.array(lasts))
@@ -265,10 +235,10 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
     Raises:
         InputError: as `drive_cars`.
     """
-    legs = _checked(problem, legs)
+    template = leg_arrays(problem, legs).template
     cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
     objects(law=(law, Law))
-    template, profiles = _template(legs), profiles_of(problem.path)
+    profiles = profiles_of(problem.path)
     table = table_of(problem, legs, profiles)
     around = None
     if problem.obstacles:

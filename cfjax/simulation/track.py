@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from cfjax.control import LawNumbers, leg_numbers
+from cfjax.control import LawNumbers
+from cfjax.control.legs import leg_arrays
 from cfjax.errors import InputError
 from cfjax.funnel import Leg, Template
 from cfjax.problem import Problem, ReferencePoint, Vehicle, to_deviation
@@ -80,27 +81,19 @@ def track_of(problem: Problem, legs: Sequence[Leg], laps: int = 1) -> Track:
     """The track of a path's legs (`Result.legs`); several laps need a path that closes.
 
     Raises:
-        InputError: for a tube, which has no course; for laps of a path that does not close; for funnels of several
-            templates.
+        InputError: for laps of a path that does not close; as `leg_arrays`.
     """
-    path = problem.path
-    if path.tube:
-        raise InputError(f"path {path.name}: expected segments, got a tube, which has no course")
+    path, arrays = problem.path, leg_arrays(problem, legs)
     if laps < 1 or (laps > 1 and not path.closed):
         raise InputError(f"laps: expected 1 on the path {path.name}, whose end does not meet its start, got {laps}")
-    # at rate 0 every template is V = xᵀCx, so a tube's goes with any
-    templates = {leg.funnel.template.name: leg.funnel.template for leg in legs if leg.funnel.rate}
-    if len(templates) > 1:
-        raise InputError(f"legs: expected funnels of one template, got {' and '.join(sorted(templates))}")
-    numbers = [leg_numbers(problem, leg) for leg in legs]
     return Track(
         vehicle=problem.vehicle,
-        template=next(iter(templates.values()), legs[0].funnel.template),
-        numbers=jax.tree.map(lambda *leaves: jnp.stack(leaves), *numbers),
-        begin=jnp.array([0.0, *(float(leg.end) for leg in legs[:-1])]),
+        template=arrays.template,
+        numbers=jax.tree.map(jnp.asarray, arrays.numbers),
+        begin=jnp.asarray(arrays.begin),
         profiles=jax.tree.map(jnp.asarray, profiles_of(path)),  # programs close over a track
         poses=jax.tree.map(jnp.asarray, poses_of(path, problem.side_slip)),
-        duration=jnp.asarray(float(np.sum([segment.duration for segment in path.curve]))),
+        duration=jnp.asarray(arrays.end[-1]),
         laps=jnp.asarray(float(laps)),
         closed=jnp.asarray(float(path.closed)),
         safe=jnp.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension),

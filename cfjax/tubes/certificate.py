@@ -11,7 +11,7 @@ from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
 from cfjax.coerce import file, instance, optional
 from cfjax.errors import InputError
-from cfjax.exact import exact_numbers, write_clearance, write_pieces, write_surroundings
+from cfjax.exact import exact_numbers, exact_surroundings, write_clearance, write_pieces, write_surroundings
 from cfjax.problem import Problem
 from cfjax.tubes.follow import Following
 
@@ -22,10 +22,13 @@ def chain_document(following: Following, problem: Problem | None = None) -> dict
     With a problem the file claims its sets too: from I, inside S, to G.
 
     Raises:
-        InputError: where a tube came without its certificate.
+        InputError: where a tube came without its certificate, or the path was not followed beside the problem's
+            obstacles.
     """
     instance("following", following, Following)
     optional("problem", problem, Problem)
+    if problem and exact_surroundings(problem.obstacles, problem.footprint) != following.surroundings:
+        raise InputError("following: expected a path that was followed beside the problem's obstacles")
     tubes = list(dict.fromkeys(run.tube for run in following.runs))
     content = {
         "format": FORMAT,

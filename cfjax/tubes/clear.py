@@ -39,16 +39,22 @@ def choose_clear(
         InTheWay: which obstacle is in the way, and where.
     """
     holds = _clear_places(reference, tubes, holds, surroundings)
+    obstacle = None
     while True:
-        chain = choose(holds)
+        try:
+            chain = choose(holds)
+        except ValueError as error:
+            beside = "" if obstacle is None else f", where obstacle {obstacle} leaves room"
+            raise InTheWay(f"{error}{beside}") from None
         runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
         try:
-            return chain, find_clearance(surroundings, [run.span(reference, "") for run in runs])
+            return chain, find_clearance(surroundings, [run.span(reference) for run in runs])
         except NotClear as error:
             begin, _, tube = chain[error.span]
-            begins = [float(piece.theta) for piece in runs[error.span].span(reference, "").pieces]
+            begins = [float(piece.theta) for piece in runs[error.span].span(reference).pieces]
             holds[tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1] = False
-            _require_way(reference, holds, error.obstacle)
+            obstacle = error.obstacle
+            _require_way(reference, holds, obstacle)
 
 
 def _clear_places(
@@ -56,7 +62,7 @@ def _clear_places(
 ) -> Holds:
     """Where each tube holds the path and, as far as samples tell, the body is clear."""
     holds = holds.copy()
-    whole = [Run(0, len(reference.pieces), tube).span(reference, "") for tube in tubes]
+    whole = [Run(0, len(reference.pieces), tube).span(reference) for tube in tubes]
     _, poses = poses_along(whole[0].pieces, reference.start, SAMPLES)
     level = np.ones(len(poses))
     for number, obstacle in enumerate(surroundings.obstacles):

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
+from cfjax.certificate.certifier import statement_of
 from cfjax.check import Outcome, check_document
 from cfjax.check.certified import CertifiedTube, Origin
 from cfjax.check.chain import tube_of
@@ -42,7 +43,7 @@ Learn = Callable[[Problem, float], Result]  # the funnel of a problem whose path
 
 
 def hold_by_library(problem: Problem) -> Result | None:
-    """The path held by tubes that came with the package, proven in milliseconds; None where they do not do it."""
+    """The path held by tubes that came with the package, proven at once; None where they do not do it."""
     try:
         offered = [tube for tube in library(problem.vehicle) if _serves(problem, tube)]
         following = _follow(problem, offered)
@@ -56,7 +57,7 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     """The path held by one tube that is learned for its bounds, between its I, S and G.
 
     Raises:
-        InputError: for a path without proven bounds.
+        InputError: for a path without proven bounds, or what no checker reads.
     """
     reference = exact_course(problem.path)
     if len(reference.pieces) > MOST_PIECES:  # nothing is learned first for what no checker reads
@@ -64,6 +65,8 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
             f"path {problem.path.name}: expected at most {MOST_PIECES} polynomial pieces, which a certificate holds, "
             f"got {len(reference.pieces)}; smoother points (path.smoothing) or a part of the path need fewer"
         )
+    if problem.obstacles:  # a tube knows none: what no checker reads of them is refused before one is learned
+        statement_of(problem)
     ratio = min(goal / start for start, goal in zip(problem.inlet.half_axes, problem.goal_axes, strict=True))
     inner = max(min(INNER_LEVEL, 0.25 * ratio**2), LEAST_INNER_LEVEL)
     # {V ≤ inner} lies in G where the tube lies in G enlarged

@@ -360,13 +360,13 @@ def only(amounts: Absorbed, what: str, state: int = 0) -> Absorbed:
     return replace(nothing, **{what: amount})
 
 
-@pytest.mark.parametrize("what", ["period", "disturbance", "pose_error", "delay", "joint"])
+@pytest.mark.parametrize("what", ["period", "disturbance", "pose_error", "delay", "together"])
 def test_the_law_keeps_v_under_what_is_absorbed(absorbed: Any, what: str) -> None:
     proven = absorbed[3]
     several = what in ("disturbance", "pose_error")
     for state in range(4 if several else 1):
-        amounts = proven.joint if what == "joint" else only(proven.alone, what, state)
-        kept = {"joint": proven.joint_level, "pose_error": proven.pose_level}.get(what, fmpq(1))
+        amounts = proven.together if what == "together" else only(proven.alone, what, state)
+        kept = {"together": proven.level, "pose_error": proven.pose_level}.get(what, fmpq(1))
         assert attack(absorbed, amounts, kept) <= 1e-9
         assert attack(absorbed, amounts.scaled(fmpq(32)), kept) > 0  # the attack is none that nothing would fail
 
@@ -475,11 +475,26 @@ def test_amounts_are_the_largest_and_no_larger_one_is_believed(absorbed: Any, se
         assert answer(-1.0, state)[0] is Outcome.UNREADABLE
 
 
+def test_v_is_below_its_entry_where_the_lap_begins_again(absorbed: Any) -> None:
+    *_, document, hints = absorbed
+    report = check_document(document)
+
+    def answer(entry: str) -> tuple[Outcome, str]:
+        found = check_robustness(report, document, spoiled(hints, lambda h: h.update(entries=[entry])))
+        return found.outcome, found.message
+
+    (own,) = hints["entries"]
+    assert answer(str(rational(own) + rational(0.01)))[0] is Outcome.PROVEN
+    outcome, message = answer(str(rational(own) - rational(0.01)))
+    assert outcome is Outcome.BROKEN and "V is not below the entry claimed" in message
+    assert answer("-1/2")[0] is Outcome.UNREADABLE
+
+
 def test_a_file_without_amounts_says_what_to_do(absorbed: Any) -> None:
     *_, document, hints = absorbed
     before = {name: value for name, value in hints.items() if name != "amounts"}
     found = check_robustness(check_document(document), document, before)
-    assert found.outcome is Outcome.UNREADABLE and "without it the proof stands" in found.message
+    assert found.outcome is Outcome.UNREADABLE and "the certificate stands without it" in found.message
 
 
 def test_authority_makes_the_box_smaller_around_what_the_reference_needs() -> None:

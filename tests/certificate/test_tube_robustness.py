@@ -202,16 +202,16 @@ def attack(own: Case, amounts: Absorbed, kept: fmpq, seed: int = 0) -> float:
     return float(end(x, v))
 
 
-@pytest.mark.parametrize("what", ["period", "disturbance", "joint"])
+@pytest.mark.parametrize("what", ["period", "disturbance", "together"])
 def test_the_law_keeps_v_whatever_the_path_does(case: Callable[[str], Case], what: str) -> None:
     own = case("changing tt")
     alone, nothing = own.proven.alone, own.proven.alone.scaled(fmpq(0))
     amounts = {
         "period": replace(nothing, period=alone.period),
         "disturbance": replace(nothing, disturbance=(alone.disturbance[0], *nothing.disturbance[1:])),
-        "joint": own.proven.joint,
+        "together": own.proven.together,
     }[what]
-    kept = own.proven.joint_level if what == "joint" else fmpq(1)
+    kept = own.proven.level if what == "together" else fmpq(1)
     assert attack(own, amounts, kept) <= 1e-9
     assert attack(own, amounts.scaled(fmpq(32)), kept) > 1e-9  # the attack is none that nothing would fail
 
@@ -261,6 +261,10 @@ def test_files_that_show_less_or_nothing(case: Callable[[str], Case]) -> None:
     answer = partial(answer_to, report=report, document=own.document, hints=own.hints)
     assert "for every curvature and acceleration of the tube at once" in own.report.message
     assert "whatever curvature and acceleration do meanwhile" in own.report.message
+    outcome, message = answer(lambda h: h.update(entries=["1/2"]))
+    assert outcome is Outcome.BROKEN and "an entry is claimed of a tube" in message
+    outcome, message = answer(lambda h: h["amounts"]["by_speed"][0].update(pose_error=["9"] * 4))
+    assert outcome is Outcome.UNREADABLE and "pose_error" in message
     outcome, message = answer(lambda h: h["funnels"][0][0].update(end="3/2"))
     assert outcome is Outcome.BROKEN and "bands of speed" in message
     outcome, message = answer(lambda h: h["funnels"][0][0]["levels"][0]["cells"].pop())

@@ -100,5 +100,5 @@ def test_bad_questions_get_one_line() -> None:
     ):
         with pytest.raises(InputError, match=message):
             locate(problem, legs, states)
-    with pytest.raises(InputError, match="got a tube, which has no places"):
+    with pytest.raises(InputError, match="got a tube, which has no course"):
         locate(Problem(tube(0.5), goal=ball(0.6)), legs, np.zeros((1, 4)))

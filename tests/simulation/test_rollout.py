@@ -343,6 +343,16 @@ def test_inputs_are_recorded_as_the_law_takes_them() -> None:
     assert (cars.theta[-1] == LEG.end).all() and np.ptp(cars.inputs[:, 0, 0]) > 0
 
 
+def test_cars_in_two_shares_go_as_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many cars are driven on two cores: the same cars, the same ends."""
+    two, _ = drive_cars(PROBLEM, [LEG], cars=rollout.SHARED)
+    monkeypatch.setattr(rollout, "SHARED", rollout.SHARED + 1)
+    one, _ = drive_cars(PROBLEM, [LEG], cars=1000)
+    assert (two.cars, two.left_funnel, two.missed_goal) == (one.cars, one.left_funnel, one.missed_goal)
+    assert two.largest_value == pytest.approx(one.largest_value, abs=1e-12)
+    np.testing.assert_allclose(two.arrival, one.arrival, atol=1e-12)
+
+
 def test_a_long_way_is_recorded_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     _, every = drive_cars(PROBLEM, [LEG], cars=30)
     monkeypatch.setattr(rollout, "MOST_ROWS", 100)

@@ -14,7 +14,7 @@ from cfjax.control import locate
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.plants import Disturbed, Model, Scene, SlipX, sensor_named
-from cfjax.problem import Box, Disc, FootprintDisc, KinematicBicycle, Problem, ball, circle, straight
+from cfjax.problem import Box, Disc, FootprintDisc, KinematicBicycle, Problem, ball, circle
 from cfjax.simulation.controller import Controller, Follower
 from cfjax.simulation.rollout import drive_cars
 from cfjax.simulation.sampled import SampledLoop, drive_sampled
@@ -347,8 +347,10 @@ def test_bad_questions_are_refused(options: dict, message: str) -> None:
     given = {"period": PERIOD} | options
     with pytest.raises(InputError, match=message):
         drive_sampled(problem, legs, Follower(track, PERIOD), Model(problem.vehicle), begins(), **given)
-    with pytest.raises(InputError, match="laps"):
-        track_of(Problem(straight()), legs, 2)
+    path = circle(laps=0.5)
+    half = Leg(path.curve[0].duration, replace(legs[0].funnel, duration=path.curve[0].duration), 2.61)
+    with pytest.raises(InputError, match="laps: expected 1 on the path circle, whose end does not meet"):
+        track_of(Problem(path), [half], 2)
 
 
 def test_starts_from_a_file(tmp_path) -> None:

@@ -1,17 +1,33 @@
 """Paths in tubes beside obstacles: proven, seen by an independent sampler, and spoiled."""
 
 import copy
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from flint import fmpq
 
-from cfjax.check import Outcome, check_document
+from cfjax.check import Outcome, check_document, meaning
 from cfjax.check.document import document_hash
 from cfjax.errors import InputError
 from cfjax.options import Options
-from cfjax.problem import Disc, FootprintDisc, KinematicBicycle, Polygon, Problem, ball, slalom, straight
+from cfjax.problem import (
+    Disc,
+    FootprintDisc,
+    KinematicBicycle,
+    Path,
+    Polygon,
+    Pose,
+    Problem,
+    Profile,
+    Segment,
+    ball,
+    circle,
+    slalom,
+    straight,
+)
 from cfjax.simulation import drive_cars
 from cfjax.synthesis import search
 from cfjax.tubes import follow
@@ -106,6 +122,54 @@ def test_what_is_not_proven_is_refused(document: dict, spoil, outcome: Outcome, 
     assert report.outcome is outcome and words in report.message
 
 
+def test_half_planes_of_another_run_prove_nothing() -> None:
+    """A wide tube, then a narrow one along a bend: each run has its own, counted from where it begins."""
+    breaks = (0.0, 8.0, 10.0)
+    bend = Segment(Profile(breaks, ((0.2,), (1.8,))), Profile(breaks, ((1.0,), (1.0,))), Pose(0.0, 0.0, 0.0))
+    by_name = {tube.name: tube for tube in library(KinematicBicycle())}
+    narrow = by_name["normal-tight-slow"]
+    only_bends = replace(narrow, bounds=replace(narrow.bounds, curvature=(fmpq(3, 2), narrow.bounds.curvature[1])))
+    path = Path("narrowing", (bend,))
+    found = follow(path, [by_name["wide-gentle-slow"], only_bends], obstacles=(Disc(1.5, 2.0, 0.2),), footprint=BODY)
+    document = chain_document(found)
+    assert len(document["runs"]) == 2 and check_document(document).outcome is Outcome.PROVEN
+    document["clearance"].reverse()
+    assert check_document(sealed(document)).outcome is Outcome.BROKEN
+
+
+def test_a_lap_of_another_car_is_clear() -> None:
+    """A car of full size: the tubes are scaled by similarity; the path is driven lap after lap."""
+    vehicle = KinematicBicycle(2.6, 1.0, 4.0)
+    track, body = circle(30.0, 8.0), [[1, 1]]
+    found = follow(track, vehicle=vehicle, closed=True, obstacles=(Disc(0.0, 0.0, 26.0),), footprint=body)
+    report = check_document(chain_document(found))
+    assert report.outcome is Outcome.PROVEN and "clear of one obstacle that stands in the file" in report.message
+    with pytest.raises(InputError, match="obstacle 0 is in the way"):
+        follow(track, vehicle=vehicle, closed=True, obstacles=(Disc(0.0, 0.0, 28.9),), footprint=body)
+
+
+def test_only_a_body_clears_obstacles(document: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    renamed = json.loads(json.dumps(document).replace("kinematic_bicycle", "my_own"))
+    for tube in renamed["tubes"]:
+        tube["certificate"] = sealed(tube["certificate"])
+    assert check_document(sealed(renamed)).outcome is Outcome.PROVEN  # by its dynamics it is one
+    monkeypatch.setattr(meaning, "is_a_body", lambda *_: False)
+    report = check_document(sealed(renamed))
+    assert report.outcome is Outcome.BROKEN and "obstacles are cleared by bodies" in report.message
+
+
+def test_a_path_that_was_followed_elsewhere_claims_no_obstacles() -> None:
+    problem = Problem(PATH, inlet=ball(0.15), goal=ball(0.25), obstacles=OBSTACLES, footprint=BODY)
+    with pytest.raises(InputError, match="expected a path that was followed beside the problem's obstacles"):
+        chain_document(follow(PATH), problem)
+
+
+def test_what_no_checker_reads_is_refused_before_a_tube_is_learned() -> None:
+    problem = Problem(PATH, inlet=ball(0.1), goal=ball(0.25), obstacles=[Disc(5.0, 3.0 + k, 0.1) for k in range(65)])
+    with pytest.raises(InputError, match="obstacles"):
+        hold_by_learning(problem, lambda *_: pytest.fail("asked to learn"))
+
+
 def test_a_file_of_before_names_no_obstacles(document: dict) -> None:
     before = {name: value for name, value in document.items() if name not in ("surroundings", "clearance")}
     report = check_document(sealed(before))
@@ -133,4 +197,4 @@ def test_a_tube_is_learned_as_narrow_as_obstacles_ask_for() -> None:
 
     result = hold_by_learning(problem, learn)
     assert asked[0].safe is not None and asked[0].safe.half_widths[1] <= problem.room
-    assert result.verdict is Verdict.CERTIFIED and "clear of 1 obstacles" in result.message
+    assert result.verdict is Verdict.CERTIFIED and "clear of one obstacle that stands" in result.message
