@@ -141,7 +141,7 @@ def test_nothing_proven_and_a_tube(browser: Browser, hand_made: Make, tmp_path: 
     wanted = {
         "failed": (failed, {"space", "plane", "sections", "margins"}, "Nothing is proven"),
         "nothing": (nothing, {"space", "plane"}, "gave no usable answer"),
-        "tube": (tube, {"space", "sections", "values", "inputs"}, "for every path within bounds"),
+        "tube": (tube, {"space", "plane", "sections", "values", "inputs"}, "for every path within bounds"),
     }
     for name, (result, figures, words) in wanted.items():
         (tmp_path / name).mkdir()
