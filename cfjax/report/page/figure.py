@@ -69,6 +69,7 @@ def figure_of(name: str, label: str, panels: Sequence[Panel], beside: bool = Fal
                 layout["shapes"] += _shapes(mark, panel, number)
             else:
                 layout["annotations"].append(_annotation(mark, number))
+    layout["showlegend"] = len(told - {""}) > 1
     return Figure(name, label, traces, layout, panels[0].shape or 0.0)
 
 
@@ -165,7 +166,6 @@ def _layout() -> dict[str, Any]:
         "plot_bgcolor": "rgba(0,0,0,0)",
         "margin": {"l": 58, "r": 14, "t": 10, "b": 48},
         "hovermode": "closest",
-        "showlegend": True,
         "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "font": {"size": 12}},
         "shapes": [],
         "annotations": [],
