@@ -43,7 +43,7 @@ def save_small(result: Result, path: Path, drawn: Callable[[Result], Figure] = p
     with matplotlib.rc_context(STYLE):
         drawn(result).savefig(path, metadata={"Software": None})
     with Image.open(path) as picture:
-        small = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+        small = picture.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     small.save(path, optimize=True)
     if path.stat().st_size > LARGEST:
         raise ValueError(f"{path}: expected at most {LARGEST} bytes, got {path.stat().st_size}")

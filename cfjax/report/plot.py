@@ -27,6 +27,7 @@ BESIDE, PLANE_BESIDE = 3.4, 4.9  # in: the panels beside the plane, and what is 
 ROW = 6  # entries of the legend beside each other, at most
 PLANE_ABOVE, PLANE_TALLEST = 8.3, 4.2  # in: the plane above them
 LEAST = 3.9  # in, of the whole
+LETTER = 0.075  # of the least height of a panel in a stack: of its title, which has to fit
 # of files by suffix: no dates and versions, so that the same picture is the same file
 UNDATED = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
@@ -85,23 +86,21 @@ def compose(plane: Panel, along: Sequence[Panel], title: str) -> Figure:
     """The plane, which takes as much room as its shape asks for, and below or beside it panels over one axis."""
     shape = plane.shape
     assert shape is not None
+    heights = [max(1.0, LETTER * len(panel.up.title)) for panel in along]
     if shape > WIDE or not along:
         columns = 2 if len(along) > 2 else 1  # the first on the left, the others on the right
-        rows = len(along) + 1 - columns
-        above, below = min(PLANE_ABOVE / shape, PLANE_TALLEST), 0.5 + 1.15 * rows if along else 0.0
+        heights = heights[columns - 1 :]
+        above, below = min(PLANE_ABOVE / shape, PLANE_TALLEST), 0.5 + 1.15 * sum(heights) if along else 0.0
         figure = _figure(above + below + AROUND, title)
         sizes = [above + 0.3, below] if along else [1.0]
         place, *rest = figure.add_gridspec(len(sizes), 1, height_ratios=sizes)
         places = []
-        if rest:
-            inner = rest[0].subgridspec(rows, columns)
-            places = (
-                [inner[:, 0], *(inner[k, 1] for k in range(rows))]
-                if columns == 2
-                else [inner[k, 0] for k in range(rows)]
-            )
+        if along:
+            inner = rest[0].subgridspec(len(heights), columns, height_ratios=heights)
+            places = [*([inner[:, 0]] * (columns - 1)), *(inner[k, -1] for k in range(len(heights)))]
     else:
-        heights = [1.9 if panel.name == "values" and len(along) > 1 else 1.0 for panel in along]
+        if along[0].name == "values" and len(along) > 1:
+            heights[0] = 1.9
         least = max(LEAST, AROUND + 0.9 * sum(heights))
         tall = max(least, min(PLANE_BESIDE / shape + AROUND, TALLEST))
         figure = _figure(tall, title)

@@ -17,12 +17,12 @@ from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, FootprintDisc, Problem, Vehicle, ball, circle, tube
 from cfjax.problem import Path as RoadPath
-from cfjax.report.marks import END, GOAL, INLET, START, TUBE, Lines
+from cfjax.report.marks import END, GOAL, INLET, START, TUBE, Axis, Lines, Panel
 from cfjax.report.marks import FUNNEL as FUNNEL_KIND
 from cfjax.report.page import save_page
 from cfjax.report.panels import shown_of, shown_pairs
 from cfjax.report.plane import Course, Plane, body_region, disc_shadows, positions, shadows, swept
-from cfjax.report.plot import POINTS, save_picture
+from cfjax.report.plot import POINTS, compose, plot, save_picture
 from cfjax.report.run_folder import result_json
 from cfjax.report.style import STYLE
 from cfjax.result import Result, Rollouts, StretchMargin
@@ -130,10 +130,10 @@ def _without_candidate(result: Result) -> Result:
 PATHS = [name for name in preset_names() if name not in ("waypoints", "tube")]
 
 
-def _all_in_place(result: Result) -> None:
+def _all_in_place(result: Result, draw: Callable[[Result], Figure] = plot) -> None:
     """Axes and what belongs to them lie in the figure and beside each other; metres are as long in y as in x."""
     with matplotlib.rc_context(STYLE):
-        figure = result.plot()
+        figure = draw(result)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         renderer = canvas.get_renderer()
@@ -155,6 +155,16 @@ def _all_in_place(result: Result) -> None:
 @pytest.mark.parametrize("name", PATHS)
 def test_nothing_is_clipped_or_hidden(hand_made: Make, name: str, state: Callable[[Result], Result]) -> None:
     _all_in_place(state(hand_made(_problem(name))))
+
+
+@pytest.mark.parametrize("name", ["circle", "slalom"])  # panels beside the plane, and below it
+def test_long_titles_have_room(hand_made: Make, name: str) -> None:
+    def drawn(result: Result) -> Figure:
+        titles = {"values": "V(θ, x)", "lateral": "lateral error (m)", "command": "angle of the front wheels (rad)"}
+        panels = [Panel(name, Axis("clock (s)"), Axis(title), ()) for name, title in titles.items()]
+        return compose(Plane(result).panel([]), panels, "a simulation")
+
+    _all_in_place(hand_made(_problem(name)), drawn)
 
 
 def test_a_long_chain_with_varying_speed(hand_made: Make, write: Callable[..., Path]) -> None:
