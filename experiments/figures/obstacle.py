@@ -43,7 +43,7 @@ def make(setting: Setting) -> Drawn:
     )
     starts = in_world(track, direction * (scale / size)[:, None])
     loop = drive(setting, result, starts, recorded=setting.cars)
-    plane = Plane(result)
+    plane = Plane(result.replace(worst_points=()))
     panel = plane.panel([])
     guaranteed = loop.start_value <= 1
     hit = loop.clearance < 0
@@ -73,7 +73,7 @@ def make(setting: Setting) -> Drawn:
             Line2D([], [], color=UNSAFE_COLOUR, lw=0.9, label="leaves the reach"),
             Line2D([], [], color=HIT_COLOUR, lw=0.9, label="hits"),
         ]
-        figure.legend(handles=entries, loc="outside lower center", ncols=8, fontsize=8, handlelength=1.6)
+        figure.legend(handles=entries, loc="outside lower center", ncols=5, fontsize=8, handlelength=1.6)
     rows = [
         {
             "starts": title,
