@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         tube,
         waypoints,
     )
+    from cfjax.report.plot import plot
     from cfjax.result import Result
     from cfjax.synthesis import drive, search, synthesize
     from cfjax.tubes import Following, follow
@@ -74,6 +75,7 @@ __all__ = [
     "follow",
     "obstacle_path",
     "oval",
+    "plot",
     "refute",
     "search",
     "slalom",

@@ -27,6 +27,11 @@ def on_first_use(package: str, rooms: Sequence[str] = ()) -> Callable[[str], Any
     return load
 
 
+def public(name: str) -> Any:
+    """A public name of cfjax, loaded now: for a method that hands its object on to a room which it does not know."""
+    return getattr(importlib.import_module("cfjax"), name)
+
+
 @cache
 def _imported_for_types(package: str) -> dict[str, str]:
     """Of each name that the package imports under `if TYPE_CHECKING`, the module that has it."""

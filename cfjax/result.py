@@ -2,15 +2,21 @@
 
 import itertools
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from cfjax import coerce
 from cfjax.funnel import Funnel, Leg
+from cfjax.lazy import public
 from cfjax.problem import Problem, Tube
 from cfjax.verdict import Verdict
+
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 class StretchMargin(NamedTuple):
@@ -166,16 +172,24 @@ class Result:
         return min((segment.margin_falsified for segment in self.segments), default=None)
 
     @property
+    def spans(self) -> list[tuple[float, float]]:
+        """θ along the whole path (s) from which on and until when each funnel holds: a segment's, or a stretch's."""
+        ends = itertools.accumulate((segment.duration for segment in self.problem.path.segments), initial=0.0)
+        own = list(itertools.pairwise(ends))
+        return [found.span or own[index] for index, found in enumerate(self.segments)]
+
+    @property
     def legs(self) -> list[Leg]:
         """Where along the path each funnel holds, a segment or a stretch in one tube; of a path that is no tube."""
-        ends = itertools.accumulate(segment.duration for segment in self.problem.path.segments)
-        spans = [found.span for found in self.segments]
-        until = [span[1] for span in spans if span] or list(ends)
         per_metre = [(found.margin_per_metre or 0.0) if found.span else 0.0 for found in self.segments]
         return [
             Leg(end, found.funnel, found.margin_certified or 0.0, way, found.along)
-            for end, found, way in zip(until, self.segments, per_metre, strict=True)
+            for (_, end), found, way in zip(self.spans, self.segments, per_metre, strict=True)
         ]
+
+    def plot(self, panel: str | None = None, axes: "Axes | None" = None) -> "Figure":
+        """A Matplotlib figure of the result, or of one of its panels: `cfjax.plot`."""
+        return public("plot")(self, panel, axes)
 
     def replace(self, **changes: Any) -> "Result":
         """The same result with some fields changed."""

@@ -36,7 +36,7 @@ from cfjax.falsifier import first_escape
 from cfjax.options import Options
 from cfjax.problem import Box, Interval, Problem, ball, tube
 from cfjax.report.rounded import rounded_down
-from cfjax.report.style import CAR_COLOURS, STYLE
+from cfjax.report.style import SERIES_COLOURS, STYLE
 from cfjax.synthesis import search
 from cfjax.verdict import Verdict
 
@@ -201,7 +201,7 @@ def draw(rows: list[dict[str, float]], path: Path) -> None:
     figure, axes = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
     for index, beta in enumerate(sorted({row["beta_lower"] for row in rows}, reverse=True)):
         own = sorted((row for row in rows if row["beta_lower"] == beta), key=lambda row: row["margin"])
-        margins, colour = [row["margin"] for row in own], CAR_COLOURS[index % len(CAR_COLOURS)]
+        margins, colour = [row["margin"] for row in own], SERIES_COLOURS[index % len(SERIES_COLOURS)]
         axes.plot(margins, [row["period_ms"] for row in own], "o-", color=colour, label=f"shell from {beta:g}")
         axes.plot(margins, [row["escape_ms"] for row in own], "x", color=colour)
     axes.plot([], [], "x", color="0.4", label="shortest escape found")

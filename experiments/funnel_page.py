@@ -15,7 +15,7 @@ from matplotlib.patches import Polygon, Rectangle
 from cfjax.control import MinNorm, descent_at, law_numbers
 from cfjax.problem import deviation_rate
 from cfjax.report.style import (
-    CAR_COLOURS,
+    CAR_COLOUR,
     EDGE_COLOUR,
     FUNNEL_COLOUR,
     GOAL_COLOUR,
@@ -60,16 +60,16 @@ def frame(result: Result) -> Figure:
         )
         axes.text(*(origin + 0.66 * direction + shift), label, ha="center", va="center")
     corner = origin + turn @ [deviation[0], 0.0]
-    axes.plot(*np.stack([corner, car]).T, color=CAR_COLOURS[0], lw=0.9, ls=":")
+    axes.plot(*np.stack([corner, car]).T, color=CAR_COLOUR, lw=0.9, ls=":")
     _draw_car(axes, origin, float(poses[at, 0]), REFERENCE_COLOUR, 0.35)
-    _draw_car(axes, car, float(poses[at, 0]) + 0.45, CAR_COLOURS[0], 1.0)
+    _draw_car(axes, car, float(poses[at, 0]) + 0.45, CAR_COLOUR, 1.0)
     axes.annotate(
         r"reference $x_r(\theta)$", origin, (-118, -42), textcoords="offset points", fontsize=9,
         arrowprops={"arrowstyle": "-", "lw": 0.6},
     )  # fmt: skip
     axes.annotate(
         r"car: deviation $(\alpha, x, y, v)$", car, (26, 22), textcoords="offset points", fontsize=9,
-        color=CAR_COLOURS[0], arrowprops={"arrowstyle": "-", "lw": 0.6, "color": CAR_COLOURS[0]},
+        color=CAR_COLOUR, arrowprops={"arrowstyle": "-", "lw": 0.6, "color": CAR_COLOUR},
     )  # fmt: skip
     axes.set_aspect("equal")
     axes.autoscale_view()
@@ -111,9 +111,8 @@ def sets(result: Result) -> Figure:
         )
     for car in range(min(12, cars.theta.shape[1])):
         last = int(np.argmax(cars.theta[:, car])) + 1
-        colour = CAR_COLOURS[car % len(CAR_COLOURS)]
-        plane.plot(cars.theta[:last, car], cars.x[:last, car, LATERAL], color=colour, lw=0.7)
-        values.plot(cars.theta[:last, car], cars.value[:last, car], color=colour, lw=0.7)
+        plane.plot(cars.theta[:last, car], cars.x[:last, car, LATERAL], color=CAR_COLOUR, lw=0.7)
+        values.plot(cars.theta[:last, car], cars.value[:last, car], color=CAR_COLOUR, lw=0.7)
     plane.set(xlabel=r"reference time $\theta$ (s)", ylabel="deviation $x$ (m)", xlim=(-0.02 * end, 1.02 * end))
     values.axhspan(funnel.beta_lower, 1.0, color=FUNNEL_COLOUR, lw=0, zorder=0)
     values.axhline(1.0, color=EDGE_COLOUR, lw=1.0)
@@ -165,7 +164,7 @@ def decrease(result: Result) -> Figure:
     state = np.zeros((1, problem.dimension))
     state[0, [ALPHA, LATERAL]] = STATE
     state *= np.sqrt(SHELL / float(funnel.value(0.0, state)[0]))
-    plane.plot(*state[0, :2], "o", color=CAR_COLOURS[1], ms=5)
+    plane.plot(*state[0, :2], "o", color=CAR_COLOUR, ms=5)
     plane.set(xlabel="deviation of the heading (rad)", ylabel="deviation $x$ (m)")
     plane.set_title(r"$y = v = 0$: levels $\underline{\beta}$ and 1, and the way of cars", fontsize=9)
     _draw_box(box, result, state)
@@ -191,7 +190,7 @@ def _draw_box(axes: "Axes", result: Result, state: np.ndarray) -> None:
         Rectangle((u_low, w_low), u_high - u_low, w_high - w_low, fill=False, edgecolor=REFERENCE_COLOUR, lw=1.0)
     )
     axes.plot(*centre[:2], "s", color=REFERENCE_COLOUR, ms=5, label="what the reference needs")
-    axes.plot(*inputs[:2], "o", color=CAR_COLOURS[0], ms=6, label="the law's choice")
+    axes.plot(*inputs[:2], "o", color=CAR_COLOUR, ms=6, label="the law's choice")
     axes.set(xlabel=r"timing $u_0$", ylabel=r"steering $w = \tan\gamma$")
     axes.set_title(r"the box of inputs at the dot: $\dot V \leq -\lambda'$ is blue", fontsize=9)
     axes.margins(0.06)

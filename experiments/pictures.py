@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from cfjax.conf import options_of, preset, problem_of
-from cfjax.report.plot import picture_of
+from cfjax.report.plot import plot
 from cfjax.report.style import STYLE
 from cfjax.result import Result
 from cfjax.synthesis import synthesize
@@ -32,7 +32,7 @@ PAGE = "circle"  # the preset that docs/funnel.md is about
 LARGEST = 300_000  # bytes
 
 
-def save_small(result: Result, path: Path, drawn: Callable[[Result], Figure] = picture_of) -> None:
+def save_small(result: Result, path: Path, drawn: Callable[[Result], Figure] = plot) -> None:
     """The picture of a certified result in at most 300 kB.
 
     Raises:
@@ -43,7 +43,7 @@ def save_small(result: Result, path: Path, drawn: Callable[[Result], Figure] = p
     with matplotlib.rc_context(STYLE):
         drawn(result).savefig(path, metadata={"Software": None})
     with Image.open(path) as picture:
-        small = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+        small = picture.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     small.save(path, optimize=True)
     if path.stat().st_size > LARGEST:
         raise ValueError(f"{path}: expected at most {LARGEST} bytes, got {path.stat().st_size}")

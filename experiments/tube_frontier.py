@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from cfjax import Box, Ellipsoid, Method, Options, Problem, ball, synthesize, tube
 from cfjax.report.lines import AT_LEAST, AT_MOST, markdown, write_lines
-from cfjax.report.style import CAR_COLOURS, STYLE
+from cfjax.report.style import SERIES_COLOURS, STYLE
 
 
 WIDTHS = (0.102, 0.108, 0.12, 0.14, 0.17, 0.22, 0.3)  # m
@@ -96,7 +96,7 @@ def draw(points: list[Point], path: Path) -> None:
                     [(point.certified or 0.0) / speed for point in chosen],
                     [point.lateral for point in chosen],
                     line,
-                    color=CAR_COLOURS[k],
+                    color=SERIES_COLOURS[k],
                     ms=3,
                     lw=1.0,
                     label=f"{method.upper()}, {speed:g} m/s",

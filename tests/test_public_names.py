@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 import cfjax
 from cfjax import InputError, Interval, KinematicBicycle, Method, Problem, circle, straight, tube
@@ -185,6 +186,8 @@ TABLE: dict[str, Callable[[], Call]] = {
         segment_length=10,
         smoothing=0,
     ),
+    "plot": lambda: of(cfjax.plot, Figure, result=RESULT, panel="plane", axes=None),
+    "Result.plot": lambda: of(RESULT.plot, Figure, panel="plane", axes=None),
     "affine_deviation": lambda: of(cfjax.problem.affine_deviation, vehicle=CAR, x=np.zeros(4), reference=POINT),
     "affine_along": lambda: of(cfjax.problem.affine_along, tuple, vehicle=CAR, points=[[1, 1.5, 0, 0]]),
     "deviation_rate": lambda: of(

@@ -110,11 +110,8 @@ def duel(
 ) -> Outcome:
     """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
     numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
-    whole = (scale, factor, change, *particles)
-    shares = zip(*(np.split(values, 2 - len(scale) % 2) for values in whole), strict=True)  # of the candidates
-    program = traced(_run, vehicle, template)
-    moved = program.side_by_side([(chain, numbers, *share) for share in shares])
-    factor, change, points, margins = map(np.concatenate, zip(*moved, strict=True))
+    moved = traced(_run, vehicle, template)(chain, numbers, scale, factor, change, *particles)
+    factor, change, points, margins = map(np.asarray, moved)
     return Outcome(factor, change, particles._replace(points=points), margins)
 
 

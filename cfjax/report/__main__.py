@@ -1,6 +1,7 @@
 """`python -m cfjax.report FOLDER`: write report.html again for a run, or index.html and the reports of a sweep.
 
-From what is on disk; a certified run's certificate is replayed first, and a few cars are driven again.
+From what is on disk; with `--picture` the picture too. A certified run's certificate is replayed first, and a few cars
+are driven again.
 
 Exit code: 0 done; 2 bad input, one line on stderr.
 """
@@ -23,6 +24,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder or a sweep's")
     parser.add_argument("--vehicle", metavar="module.Class", help="of runs of your own vehicle: its class")
+    parser.add_argument(
+        "--picture", choices=("png", "svg", "pdf"), help="draw each run's picture again, in this format"
+    )
     options = parser.parse_args(arguments)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
@@ -33,10 +37,10 @@ def main(arguments: list[str] | None = None) -> int:
     folder = options.folder
     try:
         if (folder / RESULT).exists():
-            written = [_write_page(folder, options.vehicle)]
+            written = _write(folder, options.vehicle, options.picture)
         elif holds_sweep(folder):
             runs = sorted(entry for entry in folder.iterdir() if (entry / RESULT).exists())
-            written = [_write_page(run, options.vehicle) for run in runs]
+            written = [path for run in runs for path in _write(run, options.vehicle, options.picture)]
             written.append(page.write_index(folder))
         else:
             raise InputError(f"folder: expected a run's folder or a sweep's, got {folder}")
@@ -52,15 +56,20 @@ def main(arguments: list[str] | None = None) -> int:
     return 2
 
 
-def _write_page(folder: Path, vehicle: str | None) -> Path:
+def _write(folder: Path, vehicle: str | None, picture: str | None) -> list[Path]:
     """Raises InputError where the folder holds no run, or claims what the checker does not accept."""
-    from cfjax.report.files import REPORT, write_beside
+    from cfjax.report.files import PICTURE, REPORT, write_beside
     from cfjax.report.page import save_page
+    from cfjax.report.plot import save_picture
     from cfjax.report.run_folder import confirmed, read_run
 
-    path = folder / REPORT
-    write_beside(save_page, _with_cars(confirmed(read_run(folder, vehicle), folder), folder), path)
-    return path
+    result = _with_cars(confirmed(read_run(folder, vehicle), folder), folder)
+    written = [folder / REPORT]
+    write_beside(save_page, result, folder / REPORT)
+    if picture is not None:
+        written.append((folder / PICTURE).with_suffix(f".{picture}"))
+        write_beside(save_picture, result, written[-1])
+    return written
 
 
 def _with_cars(result: "Result", folder: Path) -> "Result":

@@ -15,9 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from cfjax.problem import KinematicBicycle, Vehicle
-from cfjax.report.along import spans_of
+from cfjax.report.draw import draw
+from cfjax.report.marks import Axis, Panel
+from cfjax.report.panels import shell, value_axis
 from cfjax.report.plane import Plane, shadows
-from cfjax.report.style import CAR_COLOURS, EDGE_COLOUR, INLET_COLOUR, draw_shell
+from cfjax.report.style import CAR_COLOUR, EDGE_COLOUR, INLET_COLOUR
 from cfjax.result import Result
 from cfjax.simulation.sampled import SampledLoop
 
@@ -56,8 +58,7 @@ class _Scene:
         self.pace = float(self.clock[last]) / (max(len(self.rows) - 1, 1) / RATE)  # of the film, in seconds a second
         self.state, self.seen = samples.state[:, self.car], samples.measured[:, self.car]
         self.command, self.value = samples.command[:, self.car], samples.value[:, self.car]
-        self.plane = Plane(result.replace(rollouts=()))
-        self.plane.cars = [samples.state[:, self.car : self.car + 1, 1:3]]
+        self.plane = Plane(result)
         duration = sum(segment.duration for segment in result.problem.path.curve)
         theta = samples.theta[:, self.car]
         lap = np.floor(theta / duration) if result.problem.path.closed else np.zeros_like(theta)
@@ -68,12 +69,10 @@ class _Scene:
     def write(self, path: Path) -> None:
         figure = Figure(figsize=SIZE, layout="constrained", dpi=RESOLUTION)
         axes, side = figure.subplots(1, 2, width_ratios=[2.2, 1])
-        cars, self.plane.cars = self.plane.cars, []
-        self.plane.draw(axes)
-        self.plane.cars = cars
-        x0, x1, y0, y1 = self.plane.view
+        draw(axes, self.plane.panel([]))
+        x0, x1, y0, y1 = self.plane.view([self.state[:, 1:3]])
         axes.set(xlim=(x0, x1), ylim=(y0, y1))
-        colour = CAR_COLOURS[0]
+        colour = CAR_COLOUR
         moving: dict[str, Any] = {
             "trail": axes.plot([], [], color=colour, lw=1.0)[0],
             "funnel": axes.plot([], [], color=INLET_COLOUR, lw=1.3)[0],
@@ -91,13 +90,11 @@ class _Scene:
                 writer.grab_frame()
 
     def _side(self, side: "Axes") -> None:
-        draw_shell(side, self.result.segments[0].funnel)
-        top = float(np.nanmax(self.value))
-        side.set(xlabel="clock (s)", ylabel=r"$V(\theta, x)$", ylim=(0, min(max(1.05, 1.05 * top), 4.0)))
-        side.set_xlim(0, float(self.clock.max()) or 1.0)
+        across = Axis("clock (s)", (0.0, float(self.clock.max()) or 1.0))
+        draw(side, Panel("values", across, value_axis(self.value), shell(self.result.segments[0].funnel)))
 
     def _move(self, moving: dict[str, Any], row: int) -> None:
-        state, colour = self.state[row], CAR_COLOURS[0]
+        state, colour = self.state[row], CAR_COLOUR
         moving["trail"].set_data(*self.state[: row + 1, 1:3].T)
         moving["funnel"].set_data(*self._shadow(float(self.theta[row])).T)
         far = np.hypot(*(self.seen[row, 1:3] - state[1:3])) > 0
@@ -113,7 +110,7 @@ class _Scene:
 
     def _shadow(self, theta: float) -> Float[np.ndarray, "96 2"]:
         """Of the funnel at θ of the lap, m."""
-        spans = spans_of(self.result)
+        spans = self.result.spans
         leg = max(index for index, (begin, _) in enumerate(spans) if begin <= theta or not index)
         at = np.array([theta])
         return shadows(self.result.segments[leg].funnel, at - spans[leg][0], self.plane.course(at))[0]

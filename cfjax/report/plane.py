@@ -5,52 +5,48 @@ Shadows are drawn as the regions that they sweep, not as many ellipses: unions o
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 import shapely
 from jaxtyping import Float
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, PathPatch
-from matplotlib.path import Path as Outline
 
 from cfjax.funnel import Funnel
 from cfjax.problem import Disc, FootprintDisc, Obstacle, Problem
 from cfjax.problem.course import poses_of
-from cfjax.report.along import spans_of
-from cfjax.report.style import (
-    ASKED,
-    BODY_COLOUR,
-    BODY_EDGE_COLOUR,
-    CAR_COLOURS,
-    EDGE_COLOUR,
+from cfjax.report.marks import (
+    BODY,
+    CAR_STARTS,
+    CARS,
+    EARLIER_END,
     END,
-    FAILED_COLOUR,
-    FUNNEL_COLOUR,
+    FAILED,
+    FAILED_AT,
+    FUNNEL,
     GOAL,
-    GOAL_COLOUR,
     INLET,
-    INLET_COLOUR,
-    OBSTACLE_COLOUR,
-    REFERENCE_COLOUR,
+    LATER_START,
+    OBSTACLE,
+    REFERENCE,
     START,
-    ellipse_outline,
-    rotation,
+    WORST,
+    Axis,
+    Kind,
+    Lines,
+    Panel,
+    Points,
+    rings_of,
 )
+from cfjax.report.style import ellipse_outline, rotation
 from cfjax.result import Result
 
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
 
 TURN, WAY = 0.03, 0.1  # between neighbours: rad, and m in half-widths of the shadow
 FEWEST, MOST_OUTLINES = 24, 20_000  # of a funnel, of a path
 SLICES = 31  # of the headings in the funnel, where a disc of the body lies off its origin
 REACH = 0.2  # of its size, by which the picture goes on for obstacles that end farther away
 MARGIN = 0.03  # of its size, around all
-ASKED_COLOURS = {INLET: INLET_COLOUR, GOAL: GOAL_COLOUR}
+MOST_RINGS = 40  # starts and ends of funnels along a path: more are no rings
 
 Poses = Float[np.ndarray, "t 3"]  # heading (rad) and position (m), inertial frame
 
@@ -139,27 +135,25 @@ def obstacle_region(obstacle: Obstacle) -> shapely.Geometry:
     return shapely.Polygon(obstacle.corners)
 
 
-def positions(
-    course: Course, theta: Float[np.ndarray, "t k"], x: Float[np.ndarray, "t k n"]
-) -> Float[np.ndarray, "t k 2"]:
-    """Positions of cars (m, inertial frame) from θ along the whole path (s) and the deviation."""
-    poses = course(theta.ravel())
-    return _placed(poses, x[..., 1:3].reshape(-1, 1, 2)).reshape(*theta.shape, 2)
+def positions(poses: Poses, x: Float[np.ndarray, "t n"]) -> Points:
+    """Places (m, inertial frame) of cars with these deviations from poses of the reference."""
+    return _placed(poses, x[:, None, 1:3])[:, 0]
 
 
 class Plane:
-    """What is to be drawn on the plane, and how much room it takes."""
+    """What there is to be seen on the plane, and how much room it takes."""
 
     def __init__(self, result: Result) -> None:
         problem = result.problem
         self.result, self.course = result, Course(problem)
-        theta = self.course.between(0.0, sum(s.duration for s in problem.path.curve), math.inf, MOST_OUTLINES)
-        self.line = self.course(theta)[:, 1:]
+        self.end = float(sum(segment.duration for segment in problem.path.curve))
+        self.theta = self.course.between(0.0, self.end, math.inf, MOST_OUTLINES)
+        self.line = self.course(self.theta)[:, 1:]
         self.obstacles = [obstacle_region(obstacle) for obstacle in problem.obstacles]
-        self.inlets: list[np.ndarray] = []
-        self.outlets: list[np.ndarray] = []
+        self.starts: list[Points] = []
+        self.ends: list[Points] = []
         funnels, bodies = [], []
-        spans = spans_of(result)
+        spans = result.spans
         for (begin, end), found in zip(spans, result.segments, strict=True):
             funnel = found.funnel
             inverse = np.linalg.inv(funnel.shape)[1:3, 1:3]
@@ -168,96 +162,74 @@ class Plane:
             own, poses = theta - begin, self.course(theta)
             outlines = shadows(funnel, own, poses)
             funnels.append(swept(outlines))
-            self.inlets.append(outlines[0])
-            self.outlets.append(outlines[-1])
+            self.starts.append(outlines[0])
+            self.ends.append(outlines[-1])
             if self.obstacles:
                 bodies.append(body_region(funnel, own, poses, problem.footprint))
-        self.asked = _asked(problem, self.course) if result.segments else {}
         self.funnel, self.body = shapely.union_all(funnels), shapely.union_all(bodies)
-        self.cars = [positions(self.course, cars.theta, cars.x) for cars in result.rollouts]
+        self.asked = _asked(problem, self.course, self.end) if result.segments else {}
 
-    @property
-    def view(self) -> tuple[float, float, float, float]:
-        """Lower and upper end in x and y (m): all but for obstacles that reach far."""
-        shapes = [
-            self.funnel,
-            self.body,
-            shapely.linestrings(self.line),
-            *map(shapely.linestrings, self.asked.values()),
-        ]
+    def view(self, ways: Sequence[Points]) -> tuple[float, float, float, float]:
+        """Lower and upper end in x and y (m): all, and the ways of cars, but for obstacles that reach far."""
+        shapes = [self.funnel, self.body, *map(shapely.linestrings, (self.line, *self.asked.values()))]
         ends = np.array(shapely.GeometryCollection(shapes).bounds)
-        for cars in self.cars:
-            points = cars.reshape(-1, 2)
-            ends = _around(ends, np.concatenate([points.min(axis=0), points.max(axis=0)]))
+        for way in ways:
+            ends = _around(ends, np.concatenate([way.min(axis=0), way.max(axis=0)]))
         size = max(ends[2] - ends[0], ends[3] - ends[1])
-        reach = REACH * size * np.array([-1.0, -1.0, 1.0, 1.0])
-        outer = shapely.box(*(ends + reach))
+        outer = _wider(ends, REACH * size)
         for obstacle in self.obstacles:
-            if not (seen := shapely.intersection(obstacle, outer)).is_empty:
+            if not (seen := shapely.intersection(obstacle, shapely.box(*outer))).is_empty:
                 ends = _around(ends, np.array(seen.bounds))
-        x0, y0, x1, y1 = ends
-        spare = MARGIN * size
-        return float(x0 - spare), float(x1 + spare), float(y0 - spare), float(y1 + spare)
+        x0, y0, x1, y1 = map(float, _wider(ends, MARGIN * size))
+        return x0, x1, y0, y1
 
-    def draw(self, axes: "Axes") -> None:
-        """All of it, in metres, equal in both directions."""
-        if self.obstacles:
-            _fill(axes, self.body, facecolor=BODY_COLOUR, edgecolor=BODY_EDGE_COLOUR, lw=0.8)
-        _fill(axes, self.funnel, facecolor=FUNNEL_COLOUR, edgecolor=EDGE_COLOUR, lw=1.0)
-        for obstacle in self.obstacles:
-            _fill(axes, obstacle, facecolor=OBSTACLE_COLOUR, edgecolor="none")
-        axes.plot(*self.line.T, color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)))
-        for cars in self.cars:
-            for car in range(cars.shape[1]):
-                colour = CAR_COLOURS[car % len(CAR_COLOURS)]
-                axes.plot(*cars[:, car].T, color=colour, lw=0.6, alpha=0.8)
-                axes.plot(*cars[0, car], ".", color=colour, ms=2.5)
-        for joint, outline in enumerate(self.inlets):
-            axes.plot(*outline.T, color=INLET_COLOUR, lw=0.8 if joint else 1.4, zorder=3)
-        for joint, outline in enumerate(reversed(self.outlets)):
-            axes.plot(*outline.T, color=GOAL_COLOUR, lw=0.8 if joint else 1.4, zorder=3)
-        for name, outline in self.asked.items():
-            axes.plot(*outline.T, color=ASKED_COLOURS[name], lw=1.1, ls=ASKED, zorder=3)
-        if (failed := self.result.failed_at) is not None:
-            line = self.course(np.linspace(*failed, 200))[:, 1:]
-            axes.plot(*line.T, color=FAILED_COLOUR, lw=3.0, solid_capstyle="round", zorder=4)
-            if failed[0] == failed[1]:
-                axes.plot(*line[0], "x", color=FAILED_COLOUR, ms=7, mew=2, zorder=4)
-        x0, x1, y0, y1 = self.view
-        axes.set(xlabel="$x$ (m)", ylabel="$y$ (m)", xlim=(x0, x1), ylim=(y0, y1))
-        axes.set_aspect("equal")
+    def panel(self, ways: Sequence[Points]) -> Panel:
+        """All of it, with the ways of cars (m, inertial frame)."""
+        x0, x1, y0, y1 = self.view(ways)
+        obstacles = shapely.intersection(shapely.union_all(self.obstacles), shapely.box(x0, y0, x1, y1))
+        marks = [Lines(kind, rings_of(shape)) for kind, shape in ((BODY, self.body), (FUNNEL, self.funnel))]
+        marks += [Lines(OBSTACLE, rings_of(obstacles)), Lines(CARS, ways, each="car")]
+        marks += [Lines(CAR_STARTS, [way[:1] for way in ways]), Lines(REFERENCE, [self.line], [self.theta])]
+        if self.starts:
+            few = len(self.starts) <= MOST_RINGS
+            marks += [Lines(LATER_START, self.starts[1:]), Lines(EARLIER_END, self.ends[:-1])] if few else []
+            marks += [_ring(START, self.starts[0], 0.0), _ring(END, self.ends[-1], self.end)]
+        marks += [_ring(kind, ring, 0.0 if kind is INLET else self.end) for kind, ring in self.asked.items()]
+        marks += self._failed()
+        marks += self._worst()
+        across, up = Axis("x (m)", (x0, x1)), Axis("y (m)", (y0, y1))
+        return Panel("plane", across, up, tuple(marks), equal=True)
 
-    def handles(self) -> "list[Artist]":
-        """Of the legend: what there is."""
-        reference = Line2D([], [], color=REFERENCE_COLOUR, lw=0.9, ls=(0, (4, 3)), label="reference")
-        found: list[Artist] = []
-        if self.inlets:
-            found += [
-                Patch(facecolor=FUNNEL_COLOUR, edgecolor=EDGE_COLOUR, label="funnel"),
-                Line2D([], [], color=INLET_COLOUR, lw=1.4, label=START),
-                Line2D([], [], color=GOAL_COLOUR, lw=1.4, label=END),
-            ]
-            found += [Line2D([], [], color=ASKED_COLOURS[name], lw=1.1, ls=ASKED, label=name) for name in self.asked]
-        found.append(reference)
-        if self.obstacles:
-            found.append(Patch(facecolor=OBSTACLE_COLOUR, label="obstacle"))
-            if self.inlets:
-                found.insert(1, Patch(facecolor=BODY_COLOUR, edgecolor=BODY_EDGE_COLOUR, label="reach of the body"))
-        if self.cars:
-            found.append(Line2D([], [], color=CAR_COLOURS[0], lw=0.8, label="cars"))
-        if self.result.failed_at is not None:
-            found.append(Line2D([], [], color=FAILED_COLOUR, lw=3.0, label="here the proof failed"))
-        return found
+    def _failed(self) -> list[Lines]:
+        if (failed := self.result.failed_at) is None:
+            return []
+        theta = np.linspace(*failed, 200)
+        line = self.course(theta)[:, 1:]
+        return [Lines(FAILED, [line], [theta]), *([Lines(FAILED_AT, [line[:1]])] if failed[0] == failed[1] else [])]
+
+    def _worst(self) -> list[Lines]:
+        """Of condition (d), of funnels of segments: those of stretches in a tube have no place along the path."""
+        worst = [point for point in self.result.worst_points if point.condition == "d"]
+        spans = self.result.spans
+        if not worst or not spans or any(found.span for found in self.result.segments):
+            return []
+        theta = np.array([spans[point.segment][0] + point.theta for point in worst])
+        at = positions(self.course(theta), np.array([point.x for point in worst]))
+        return [Lines(WORST, [at], [theta])]
 
 
-def _asked(problem: Problem, course: Course) -> dict[str, Float[np.ndarray, "96 2"]]:
+def _ring(kind: Kind, ring: Points, theta: float) -> Lines:
+    return Lines(kind, [ring], [np.full(len(ring), theta)])
+
+
+def _asked(problem: Problem, course: Course, end: float) -> dict[Kind, Float[np.ndarray, "96 2"]]:
     """Outlines (m, inertial frame) of I where the path begins and of G where it ends: of their positions."""
-    ends = np.array([0.0, sum(segment.duration for segment in problem.path.curve)])
     found = {}
-    for name, ellipsoid, pose in zip((INLET, GOAL), (problem.inlet, problem.goal), course(ends), strict=True):
+    sets = ((INLET, problem.inlet), (GOAL, problem.goal))
+    for (kind, ellipsoid), pose in zip(sets, course(np.array([0.0, end])), strict=True):
         if ellipsoid is not None:
             outline = ellipse_outline(np.diag(np.square(ellipsoid.half_axes[1:3])))
-            found[name] = _placed(pose[None], outline.T[None])[0]
+            found[kind] = _placed(pose[None], outline.T[None])[0]
     return found
 
 
@@ -266,10 +238,5 @@ def _around(ends: np.ndarray, others: np.ndarray) -> np.ndarray:
     return np.concatenate([np.minimum(ends[:2], others[:2]), np.maximum(ends[2:], others[2:])])
 
 
-def _fill(axes: "Axes", region: shapely.Geometry, **style: object) -> None:
-    """A region with its holes."""
-    for part in shapely.get_parts(shapely.orient_polygons(region)):
-        if isinstance(part, shapely.Polygon) and not part.is_empty:
-            rings = [np.asarray(ring.coords) for ring in (part.exterior, *part.interiors)]
-            outline = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
-            axes.add_patch(PathPatch(outline, **style))
+def _wider(ends: np.ndarray, by: float) -> np.ndarray:
+    return ends + by * np.array([-1.0, -1.0, 1.0, 1.0])

@@ -1,82 +1,145 @@
 """The picture of a run: the plane with the funnel's shadow, and beside it what goes on along θ; or a tube."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from cfjax.report.along import draw_along, panels
-from cfjax.report.plane import Plane
+from cfjax import coerce
+from cfjax.report.draw import draw, handles
+from cfjax.report.marks import Panel
+from cfjax.report.panels import shown_of
 from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
-from cfjax.report.tube_plot import draw_tube
 from cfjax.result import Result
 
 
+POINTS = 100_000  # of all cars together
 WIDTH, TALLEST = 9.2, 5.2  # of the figure, in
 PAD = 0.07  # in, around every part
 WIDE = 1.75  # width over height of the plane, from which on the panels are below it
 AROUND = 1.25  # in: title, labels and legend
 BESIDE, PLANE_BESIDE = 3.4, 4.9  # in: the panels beside the plane, and what is left for it
-ROW = 7  # entries of the legend beside each other, at most
+ROW = 6  # entries of the legend beside each other, at most
 PLANE_ABOVE, PLANE_TALLEST = 8.3, 4.2  # in: the plane above them
-LEAST, LEAST_STACK = 3.9, 4.7  # in, of the whole; with more than one panel beside the plane
+LEAST = 3.9  # in, of the whole
+LETTER = 0.075  # of the least height of a panel in a stack: of its title, which has to fit
+# of files by suffix: no dates and versions, so that the same picture is the same file
+UNDATED = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
 def save_picture(result: Result, path: Path) -> None:
-    """Write funnel.png."""
+    """Write `plot(result)`, as PNG, SVG or PDF by the file's suffix."""
     with matplotlib.rc_context(STYLE):
-        picture_of(result).savefig(path, metadata={"Software": None})
+        _whole(result).savefig(path, metadata=UNDATED[path.suffix])
 
 
-def picture_of(result: Result) -> Figure:
-    """The funnels along a path, or a tube, and the cars that were driven through."""
-    if not result.problem.path.tube:
-        figure = _draw_path(result)
+def plot(result: Result, panel: str | None = None, axes: Axes | None = None) -> Figure:
+    """The funnels along a path, or a tube, and the cars that were driven through, as a Matplotlib figure.
+
+    `result.plot()` is the same. `result.plot().savefig("funnel.pdf")` writes it for a paper.
+
+    Args:
+        result: what `cfjax.synthesize` returned.
+        panel: one panel alone: "plane", "values" (V along the cars' ways), "input u0" and the other inputs,
+            "curvature", "speed", "margins", "section 1" and so on, as far as the result has them. None: all of it.
+        axes: where the panel is drawn. None: in a figure of its own.
+
+    Raises:
+        InputError: where the result has no such panel.
+    """
+    coerce.instance("result", result, Result)
+    coerce.optional("axes", axes, Axes)
+    with matplotlib.rc_context(STYLE):
+        if axes is not None:
+            draw(axes, _panel(result, panel))
+            figure = axes.get_figure(root=True)
+            assert figure is not None
+            return figure
+        if panel is None:
+            figure = _whole(result)
+        else:
+            figure = Figure(figsize=(PLANE_BESIDE, LEAST), layout="constrained", dpi=160)
+            draw(figure.add_subplot(), _panel(result, panel))
+        return figure
+
+
+def _panel(result: Result, name: str | None) -> Panel:
+    panels = {panel.name: panel for group in shown_of(result, POINTS).panels.values() for panel in group}
+    return panels[coerce.one_of("panel", name, panels)]
+
+
+def _whole(result: Result) -> Figure:
+    groups = shown_of(result, POINTS).panels
+    above = groups.get("plane", []) + groups.get("values", [])
+    if result.problem.path.tube:
+        return _tube(above, groups.get("sections", []), _title(result))
+    profile = groups.get("profile", [])
+    return compose(above[0], [*above[1:], *profile, *(groups.get("margins", []) if profile else [])], _title(result))
+
+
+def compose(plane: Panel, along: Sequence[Panel], title: str) -> Figure:
+    """The plane, which takes as much room as its shape asks for, and below or beside it panels over one axis."""
+    shape = plane.shape
+    assert shape is not None
+    heights = [max(1.0, LETTER * len(panel.up.title)) for panel in along]
+    if shape > WIDE or not along:
+        columns = 2 if len(along) > 2 else 1  # the first on the left, the others on the right
+        heights = heights[columns - 1 :]
+        above, below = min(PLANE_ABOVE / shape, PLANE_TALLEST), 0.5 + 1.15 * sum(heights) if along else 0.0
+        figure = _figure(above + below + AROUND, title)
+        sizes = [above + 0.3, below] if along else [1.0]
+        place, *rest = figure.add_gridspec(len(sizes), 1, height_ratios=sizes)
+        places = []
+        if along:
+            inner = rest[0].subgridspec(len(heights), columns, height_ratios=heights)
+            places = [*([inner[:, 0]] * (columns - 1)), *(inner[k, -1] for k in range(len(heights)))]
     else:
-        figure = Figure(figsize=(WIDTH, 6.4 if result.rollouts else 3.9), layout="constrained", dpi=160)
-        if result.segments:
-            draw_tube(figure, result)
-    figure.suptitle(_title(result), fontsize=10)
+        if along[0].name == "values" and len(along) > 1:
+            heights[0] = 1.9
+        least = max(LEAST, AROUND + 0.9 * sum(heights))
+        tall = max(least, min(PLANE_BESIDE / shape + AROUND, TALLEST))
+        figure = _figure(tall, title)
+        widths = [min(PLANE_BESIDE, (tall - AROUND) * shape) + 0.5, BESIDE]
+        place, beside = figure.add_gridspec(1, 2, width_ratios=widths)
+        inner = beside.subgridspec(len(along), 1, height_ratios=heights)
+        places = [inner[k] for k in range(len(along))]
+    draw(figure.add_subplot(place), plane)
+    for panel, where in zip(along, places, strict=True):
+        axes = figure.add_subplot(where)
+        draw(axes, panel)
+        if not where.is_last_row():  # those below say what the axis is
+            axes.set_xlabel("")
+            axes.tick_params(labelbottom=False)
+    return _with_legend(figure, plane, *along)
+
+
+def _tube(above: list[Panel], sections: list[Panel], title: str) -> Figure:
+    """Where cars were driven, one of the paths and V; the sections below."""
+    figure = _figure(6.4 if above else LEAST, title)
+    rows = [row for row in (above, sections) if row]
+    grid = figure.add_gridspec(max(1, len(rows)), 1)
+    for k, row in enumerate(rows):
+        parts = grid[k].subgridspec(1, len(row))
+        for place, panel in enumerate(row):
+            draw(figure.add_subplot(parts[place]), panel)
+    return _with_legend(figure, *above, *sections)
+
+
+def _with_legend(figure: Figure, *panels: Panel) -> Figure:
+    if entries := handles(*panels):
+        columns = math.ceil(len(entries) / math.ceil(len(entries) / ROW))
+        figure.legend(handles=entries, loc="outside lower left", ncols=columns, fontsize=8, handlelength=1.6)
     return figure
 
 
-def _draw_path(result: Result) -> Figure:
-    """The plane takes as much room as its shape asks for."""
-    layout = ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD)
-    plane, drawn = Plane(result), panels(result)
-    x0, x1, y0, y1 = plane.view
-    shape = (x1 - x0) / (y1 - y0)
-    if shape > WIDE or not drawn:
-        above = min(PLANE_ABOVE / shape, PLANE_TALLEST)
-        rows = 2 if len(drawn) > 1 else 1
-        below = (0.5 + 1.15 * rows) if drawn else 0.0
-        figure = Figure(figsize=(WIDTH, above + below + AROUND), layout=layout, dpi=160)
-        parts = figure.add_gridspec(2 if drawn else 1, 1, height_ratios=[above + 0.3, below] if drawn else None)
-        axes = figure.add_subplot(parts[0])
-        if drawn:
-            # V on the left, where there are cars; the others on the right, above each other
-            columns = 2 if len(drawn) > 2 else 1
-            inner = parts[1].subgridspec(rows, columns)
-            places = [inner[:, 0], inner[0, 1], inner[1, 1]] if columns == 2 else [inner[k, 0] for k in range(rows)]
-            stack = [figure.add_subplot(place) for place in places]
-            draw_along(stack, drawn, result, [stack[0], stack[-1]] if columns == 2 else stack[-1:])
-    else:
-        tall = min(max(PLANE_BESIDE / shape + AROUND, LEAST_STACK if len(drawn) > 1 else LEAST), TALLEST)
-        figure = Figure(figsize=(WIDTH, tall), layout=layout, dpi=160)
-        parts = figure.add_gridspec(1, 2, width_ratios=[min(PLANE_BESIDE, (tall - AROUND) * shape) + 0.5, BESIDE])
-        axes = figure.add_subplot(parts[0])
-        heights = [1.9 if len(drawn) > 1 and k == 0 and result.rollouts else 1.0 for k in range(len(drawn))]
-        inner = parts[1].subgridspec(len(drawn), 1, height_ratios=heights)
-        stack = [figure.add_subplot(inner[k]) for k in range(len(drawn))]
-        draw_along(stack, drawn, result, stack[-1:])
-    plane.draw(axes)
-    handles = plane.handles()
-    rows = math.ceil(len(handles) / ROW)
-    columns = math.ceil(len(handles) / rows)
-    figure.legend(handles=handles, loc="outside lower left", ncols=columns, fontsize=8, handlelength=1.6)
+def _figure(height: float, title: str) -> Figure:
+    figure = Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD), dpi=160)
+    figure.suptitle(title, fontsize=10)
     return figure
 
 
@@ -88,14 +151,14 @@ def _title(result: Result) -> str:
             f"{bounds.lower:.4g}" if not bounds.half else f"{bounds.lower:.4g} to {bounds.upper:.4g}"
             for bounds in (tube.speed, tube.curvature, tube.acceleration)
         )
-        parts.append(f"$v_r$ {speed} m/s, $\\kappa$ {curvature} 1/m, $v_r'$ {acceleration} m/s$^2$")
+        parts.append(f"vᵣ {speed} m/s, κ {curvature} 1/m, v̇ᵣ {acceleration} m/s²")
     elif held := sum(found.span is not None for found in result.segments):
         parts.append("in one universal tube" if held == 1 else f"in universal tubes, {held} in turn")
     elif result.segments:
         parts.append(f"{result.segments[0].funnel.template.name} template")
     parts.append(result.verdict.value)
     if margin is not None:
-        parts.append(rf"$\lambda = {margin_text(margin)}$ s$^{{-1}}$ proven")
+        parts.append(f"λ = {margin_text(margin)} 1/s proven")
     elif found is not None:
-        parts.append(rf"$\lambda = {margin_text(found)}$ s$^{{-1}}$ falsified, nothing proven")
+        parts.append(f"λ = {margin_text(found)} 1/s falsified, nothing proven")
     return " · ".join(parts)

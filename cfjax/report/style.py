@@ -1,24 +1,19 @@
-"""What all pictures share: colours, type, and a few shapes."""
+"""What all pictures share: colours, type, and a few shapes.
 
-from typing import TYPE_CHECKING, Any
+Colours that stand in one picture are told apart by colour-blind readers too.
+"""
+
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from cfjax.funnel import Funnel
-from cfjax.report.rounded import rounded_up, written
-
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 FUNNEL_COLOUR, EDGE_COLOUR = "#cfe3f5", "#4c86b8"
-INLET_COLOUR, GOAL_COLOUR, REFERENCE_COLOUR = "#2b8a3e", "#c92a2a", "#111111"
+INLET_COLOUR, GOAL_COLOUR, REFERENCE_COLOUR = "#22bba5", "#6e3980", "#111111"
 BODY_COLOUR, BODY_EDGE_COLOUR, OBSTACLE_COLOUR = "#eceff2", "#adb5bd", "#343a40"
-SPEED_COLOUR, FAILED_COLOUR = "#0b7285", "#e03131"
-ASKED = (0, (1, 1.2))  # line style of the sets that were asked for, I and G, beside those of the funnel
-START, END, INLET, GOAL = "funnel's start", "funnel's end", "initial set I", "goal set G"
-CAR_COLOURS = ("#e8590c", "#9c36b5", "#0b7285", "#5c940d", "#a61e4d", "#364fc7")
+CAR_COLOUR, FAILED_COLOUR = "#e87a00", "#b2000f"
+SERIES_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")  # of curves that have no other
 STYLE: dict[Any, Any] = {
     "font.family": "serif",
     "mathtext.fontset": "cm",
@@ -27,6 +22,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "legend.frameon": False,
+    "svg.hashsalt": "cfjax",  # the same picture is the same file
 }
 
 
@@ -40,20 +36,3 @@ def ellipse_outline(inverse: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, "2 9
     """Points of {z : zᵀ inverse⁻¹ z = 1}."""
     angle = np.linspace(0, 2 * np.pi, 96)
     return np.linalg.cholesky(inverse) @ np.stack([np.cos(angle), np.sin(angle)])
-
-
-def draw_shell(axes: "Axes", funnel: Funnel) -> None:
-    """The levels of V between which it decreases with the proven margin."""
-    axes.axhline(1.0, color=EDGE_COLOUR, lw=1.0)
-    axes.axhspan(funnel.beta_lower, 1.0, color=FUNNEL_COLOUR, lw=0, zorder=0)
-    axes.annotate(
-        rf"shell $V \in [{rounded_up(written(funnel.beta_lower))}, 1]$: $\dot V \leq -\lambda$",
-        (0.98, funnel.beta_lower),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, -3),  # below the shell, which is narrower than a line of text in a low panel
-        textcoords="offset points",
-        ha="right",
-        va="top",
-        fontsize=8,
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
-    )

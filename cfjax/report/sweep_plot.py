@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from cfjax.report.rounded import margin_text
-from cfjax.report.style import CAR_COLOURS, STYLE
+from cfjax.report.style import SERIES_COLOURS, STYLE
 from cfjax.report.table import SWEPT
 
 
@@ -128,8 +128,8 @@ def _lines(done: pl.DataFrame, axis: str, others: list[str]) -> Figure:
         groups.setdefault(label, []).append((places[number], figures[0], figures[1]))
     for index, (label, found) in enumerate(sorted(groups.items())):
         points = np.array(sorted(found))
-        colour = CAR_COLOURS[index % len(CAR_COLOURS)]
-        style = ("-", "--", ":", "-.")[index // len(CAR_COLOURS) % 4]
+        colour = SERIES_COLOURS[index % len(SERIES_COLOURS)]
+        style = ("-", "--", ":", "-.")[index // len(SERIES_COLOURS) % 4]
         proven = np.isfinite(points[:, 1])
         axes.plot(points[:, 0], points[:, 1], f"o{style}", color=colour, ms=4, lw=1.2, label=label or None)
         missing = points[~proven, 0]

@@ -1,4 +1,4 @@
-"""What states and inputs are called on the page, with their units."""
+"""What states and inputs are called in pictures and on the page, with their units."""
 
 STATES = {"alpha": "heading α (rad)", "x": "lateral x (m)", "y": "longitudinal y (m)", "v": "speed v (m/s)"}
 SHORT = {"alpha": "α (rad)", "x": "x (m)", "y": "y (m)", "v": "v (m/s)"}

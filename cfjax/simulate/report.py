@@ -6,33 +6,31 @@ import io
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
 from rich.table import Table
 
 from cfjax.plants import Model
+from cfjax.report import marks
 from cfjax.report.animation import save_animation
 from cfjax.report.files import versions, write_whole
+from cfjax.report.marks import Axis, Band, Lines, Panel
+from cfjax.report.panels import shell, value_axis
 from cfjax.report.plane import Plane
+from cfjax.report.plot import compose
 from cfjax.report.rounded import MILLI, rounded_down
-from cfjax.report.style import CAR_COLOURS, REFERENCE_COLOUR, STYLE, draw_shell
+from cfjax.report.style import STYLE
 from cfjax.result import Result
 from cfjax.simulate.experiment import Experiment
 from cfjax.simulation.sampled import SampledLoop
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-
 SUMMARY, CARS, PICTURE, ANIMATION = "summary.json", "cars.csv", "simulation.png", "simulation.gif"
-WIDTH, TALLEST = 9.2, 5.4  # of the picture, in
 
 
 def write_simulation(experiment: Experiment, loop: SampledLoop, folder: Path, *, animate: bool = False) -> None:
@@ -179,54 +177,25 @@ def title_of(experiment: Experiment, loop: SampledLoop) -> str:
 
 def picture_of(result: Result, loop: SampledLoop, title: str) -> Figure:
     """The plane with the recorded cars, and V, lateral error and the first command along the clock."""
-    plane = Plane(result)
-    plane.cars = [loop.samples.state[..., 1:3]]
-    x0, x1, y0, y1 = plane.view
-    shape = (x1 - x0) / (y1 - y0)
-    wide = shape > 1.75
-    if wide:
-        figure = Figure(figsize=(WIDTH, min(8.3 / shape, 4.2) + 3.4), layout=_layout(), dpi=130)
-        parts = figure.add_gridspec(2, 1, height_ratios=[min(8.3 / shape, 4.2) + 0.3, 2.2])
-        inner = parts[1].subgridspec(1, 3)
-        panels = [figure.add_subplot(inner[k]) for k in range(3)]
-    else:
-        figure = Figure(figsize=(WIDTH, TALLEST), layout=_layout(), dpi=130)
-        parts = figure.add_gridspec(1, 2, width_ratios=[5.2, 4.0])
-        inner = parts[1].subgridspec(3, 1)
-        panels = [figure.add_subplot(inner[k]) for k in range(3)]
-        for panel in panels[:-1]:
-            panel.tick_params(labelbottom=False)
-    axes = figure.add_subplot(parts[0])
-    plane.draw(axes)
-    _draw_clock(panels, result, loop)
-    for panel in panels if wide else panels[-1:]:
-        panel.set_xlabel("clock (s)")
-    figure.legend(handles=plane.handles(), loc="outside lower left", ncols=8, fontsize=8, handlelength=1.6)
-    figure.suptitle(title, fontsize=10)
-    return figure
-
-
-def _layout() -> ConstrainedLayoutEngine:
-    return ConstrainedLayoutEngine(w_pad=0.07, h_pad=0.07)
-
-
-def _draw_clock(panels: "list[Axes]", result: Result, loop: SampledLoop) -> None:
     samples, name = loop.samples, result.problem.vehicle.command_names[0]
-    value, lateral, command = panels
-    for car in range(samples.clock.shape[1]):
-        last = int(np.argmax(samples.clock[:, car])) + 1
-        clock, style = (
-            samples.clock[:last, car],
-            {"color": CAR_COLOURS[car % len(CAR_COLOURS)], "lw": 0.6, "alpha": 0.8},
-        )
-        value.plot(clock, samples.value[:last, car], **style)
-        lateral.plot(clock, samples.deviation[:last, car, 1], **style)
-        command.plot(clock, samples.command[:last, car, 0], drawstyle="steps-post", **style)
-    draw_shell(value, result.segments[0].funnel)
-    top = float(np.nanmax(samples.value)) if samples.value.size else 1.0
-    value.set(ylabel=r"$V(\theta, x)$", ylim=(0, min(max(1.05, 1.05 * top), 4.0)))
-    lateral.axhline(0.0, color=REFERENCE_COLOUR, lw=0.6, ls=(0, (4, 3)))
-    lateral.set_ylabel("lateral error (m)")
-    command.set_ylabel(name.replace(", ", " (") + ")" if ", " in name else name)
-    for panel in panels:
-        panel.set_xlim(0, float(samples.clock.max()) or 1.0)
+    drawn = range(samples.clock.shape[1])
+    plane = Plane(result).panel([samples.state[:, car, 1:3] for car in drawn])
+    lasts = [int(np.argmax(samples.clock[:, car])) + 1 for car in drawn]
+    clocks = [samples.clock[:last, car] for car, last in zip(drawn, lasts, strict=True)]
+    clock = Axis("clock (s)", (0.0, float(samples.clock.max()) or 1.0))
+
+    def curves(values: np.ndarray, held: bool = False) -> Lines:
+        """One for each car, over its clock; steps where a value is held until the next one."""
+        own = [values[: len(own), car] for car, own in enumerate(clocks)]
+        over = clocks if not held else [np.repeat(each, 2)[1:] for each in clocks]
+        own = own if not held else [np.repeat(each, 2)[:-1] for each in own]
+        return Lines(marks.CARS, [np.stack(both, axis=-1) for both in zip(over, own, strict=True)])
+
+    (band, note), zero = shell(result.segments[0].funnel), Band(marks.ZERO, 0.0, 0.0)
+    unit = name.replace(", ", " (") + ")" if ", " in name else name
+    panels = [
+        Panel("values", clock, value_axis(samples.value), (band, curves(samples.value), note)),
+        Panel("lateral", clock, Axis("lateral error (m)"), (zero, curves(samples.deviation[..., 1]))),
+        Panel("command", clock, Axis(unit), (curves(samples.command[..., 0], held=True),)),
+    ]
+    return compose(plane, panels, title)

@@ -15,6 +15,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from cfjax.report.draw import draw, handles
 from cfjax.report.plane import Plane
 from cfjax.report.style import FAILED_COLOUR, STYLE
 from cfjax.simulation.sampled import SampledLoop
@@ -42,7 +43,8 @@ def make(setting: Setting) -> Drawn:
     )
     starts = in_world(track, direction * (scale / size)[:, None])
     loop = drive(setting, result, starts, recorded=setting.cars)
-    plane = Plane(result)
+    plane = Plane(result.replace(worst_points=()))
+    panel = plane.panel([])
     guaranteed = loop.start_value <= 1
     hit = loop.clearance < 0
     inside, begins = stays(plane, loop, result.problem.footprint[0].radius)
@@ -51,7 +53,7 @@ def make(setting: Setting) -> Drawn:
     with rc_context(STYLE):
         figure = Figure(figsize=(9.2, 2.55), layout="constrained")
         for axes, title, kind in zip(figure.subplots(1, 3, sharey=True), TITLES, kinds, strict=True):
-            plane.draw(axes)
+            draw(axes, panel)
             some = np.flatnonzero(kind)
             if kind is kinds[2]:  # some of either
                 some = np.concatenate(
@@ -66,12 +68,12 @@ def make(setting: Setting) -> Drawn:
             axes.set_title(f"({'abc'[TITLES.index(title)]}) {title}")
             axes.set(xlim=(-2.6, 2.2), ylim=(-0.75, 1.6))
             axes.label_outer()
-        handles = [
-            *plane.handles(),
+        entries = [
+            *handles(panel),
             Line2D([], [], color=UNSAFE_COLOUR, lw=0.9, label="leaves the reach"),
             Line2D([], [], color=HIT_COLOUR, lw=0.9, label="hits"),
         ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=8, fontsize=8, handlelength=1.6)
+        figure.legend(handles=entries, loc="outside lower center", ncols=5, fontsize=8, handlelength=1.6)
     rows = [
         {
             "starts": title,

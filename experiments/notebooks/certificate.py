@@ -98,7 +98,7 @@ for axes, (i, j), labels in zip(
 display(figure)
 
 # %% [markdown]
-# Green I, blue the tube, red G: shadows on two planes. Claim (d), that V can always be made to fall, has sums of
+# Turquoise I, blue the tube, violet G: shadows on two planes. Claim (d), that V can always be made to fall, has sums of
 # squares: matrices again, each shown to be positive definite in the same way.
 #
 # ## A path's own certificate

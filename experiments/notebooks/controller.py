@@ -33,7 +33,7 @@ import cfjax
 from cfjax.export import write_controller
 from cfjax.export.compiled import OK, OUTSIDE, PAST_END, Controller, compile_controller
 from cfjax.report.rounded import margin_text
-from cfjax.report.style import CAR_COLOURS, EDGE_COLOUR, STYLE
+from cfjax.report.style import CAR_COLOUR, EDGE_COLOUR, SERIES_COLOURS, STYLE
 
 
 matplotlib.rcParams.update(STYLE)
@@ -123,12 +123,12 @@ plane, right = figure.subplots(1, 2, width_ratios=[1.2, 1])
 for segment in result.problem.path.curve:
     course = segment.poses(np.linspace(0, segment.duration, 100))
     plane.plot(course[:, 1], course[:, 2], color="#111111", lw=0.8, ls="--")
-plane.plot(way[:, 1], way[:, 2], color=CAR_COLOURS[0], lw=1.1)
-plane.plot(*way[0, 1:3], "o", color=CAR_COLOURS[0])
+plane.plot(way[:, 1], way[:, 2], color=CAR_COLOUR, lw=1.1)
+plane.plot(*way[0, 1:3], "o", color=CAR_COLOUR)
 plane.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
 clock = period * np.arange(len(values))
 right.plot(clock, np.degrees(commands[:, 0]), color=EDGE_COLOUR, label="steering (°)")
-right.plot(clock, 100 * values, color=CAR_COLOURS[1], label="V (%)")
+right.plot(clock, 100 * values, color=SERIES_COLOURS[0], label="V (%)")
 right.set(xlabel="clock (s)", ylim=(0, 44))
 right.legend(loc="upper center", ncols=2)
 display(figure)

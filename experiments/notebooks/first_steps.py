@@ -27,7 +27,6 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.check import check_document
-from cfjax.report.plot import picture_of
 from cfjax.report.rounded import margin_text, rounded_up
 from cfjax.report.style import STYLE
 
@@ -76,11 +75,11 @@ print(
 )
 
 # %%
-display(picture_of(result))
+display(result.plot())
 
 # %% [markdown]
-# Blue is the funnel, the set V ≤ 1, seen from above; green is I, red is G. On the right V of the cars: it has to fall
-# while it is between 0.9 and 1, and so nobody gets out.
+# Blue is the funnel, the set V ≤ 1, seen from above, with its start in turquoise and its end in violet; I and G are
+# dotted. On the right V of the cars: it has to fall while it is between 0.9 and 1, and so nobody gets out.
 #
 # ## What V is
 #

@@ -30,7 +30,6 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.problem import Pose, Profile, Segment
-from cfjax.report.plot import picture_of
 from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
 
@@ -103,7 +102,7 @@ else:
 problem = cfjax.Problem(lane_change, inlet=cfjax.ball(0.2), goal=cfjax.ball(0.5))
 result = cfjax.synthesize(problem, cfjax.Options(certificate="tube", cars=cars))
 print(result.verdict.value, f"{margin_text(result.margin_certified)} 1/s")
-display(picture_of(result))
+display(result.plot())
 assert result.verdict is cfjax.Verdict.CERTIFIED and result.closed_loop.left_funnel == 0
 
 # %% [markdown]
@@ -114,7 +113,7 @@ assert result.verdict is cfjax.Verdict.CERTIFIED and result.closed_loop.left_fun
 if not quick:
     own = cfjax.synthesize(problem, cfjax.Options(certificate="segment", cars=cars))
     print(own.verdict.value, f"{margin_text(own.margin_certified)} 1/s")
-    display(picture_of(own))
+    display(own.plot())
 
 # %% [markdown]
 # ## Through points

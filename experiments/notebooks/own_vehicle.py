@@ -33,7 +33,6 @@ from scipy.integrate import solve_ivp
 import cfjax
 from cfjax.check import check_document
 from cfjax.problem import Interval, Twist, Vehicle
-from cfjax.report.plot import picture_of
 from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
 
@@ -137,7 +136,7 @@ display(figure)
 # %%
 result = cfjax.synthesize(problem, options)
 print(f"{result.verdict.value}: λ = {margin_text(result.margin_certified)} 1/s")
-display(picture_of(result))
+display(result.plot())
 assert result.verdict is cfjax.Verdict.CERTIFIED and result.closed_loop.left_funnel == 0
 
 # %% [markdown]
@@ -200,7 +199,7 @@ print(f"its body looks {np.degrees(sensed.side_slip):.2f}° away from the circle
 found = cfjax.synthesize(sensed, replace(options, cars=0))
 by_sensor, by_axle = margin_text(found.margin_certified), margin_text(result.margin_certified)
 print(f"{found.verdict.value}: λ = {by_sensor} 1/s, by its axle {by_axle} 1/s")
-display(picture_of(found))
+display(found.plot())
 assert found.verdict is cfjax.Verdict.CERTIFIED
 
 # %% [markdown]

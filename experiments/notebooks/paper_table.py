@@ -28,7 +28,7 @@ from IPython.display import display
 from matplotlib.figure import Figure
 
 from cfjax.report.rounded import margin_text
-from cfjax.report.style import CAR_COLOURS, STYLE
+from cfjax.report.style import SERIES_COLOURS, STYLE
 from experiments.paper_table import cases, run
 
 
@@ -58,7 +58,7 @@ display(polars.DataFrame(rows).with_columns(**{name: polars.Series(texts) for na
 rows = list(dict.fromkeys((line.row, line.template) for line in lines))
 figure = Figure(figsize=(8, 1.2 + 0.32 * len(rows)), layout="constrained")
 axes = figure.subplots()
-for offset, method, colour in ((-0.18, "pf", CAR_COLOURS[0]), (0.18, "tt", CAR_COLOURS[5])):
+for offset, method, colour in ((-0.18, "pf", SERIES_COLOURS[0]), (0.18, "tt", SERIES_COLOURS[5])):
     margins = {(line.row, line.template): line.certified or 0.0 for line in lines if line.method == method}
     places = np.arange(len(rows)) + offset
     axes.barh(places, [margins[row] for row in rows], 0.34, color=colour, label=method.upper())

@@ -31,7 +31,7 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.report.rounded import margin_text
-from cfjax.report.style import CAR_COLOURS, STYLE
+from cfjax.report.style import SERIES_COLOURS, STYLE
 
 
 matplotlib.rcParams.update(STYLE)
@@ -63,7 +63,7 @@ for method in (cfjax.Method.PF, cfjax.Method.TT):
 # %%
 figure = Figure(figsize=(7.6, 2.9), layout="constrained")
 left, right = figure.subplots(1, 2)
-for method, colour in ((cfjax.Method.PF, CAR_COLOURS[0]), (cfjax.Method.TT, CAR_COLOURS[5])):
+for method, colour in ((cfjax.Method.PF, SERIES_COLOURS[0]), (cfjax.Method.TT, SERIES_COLOURS[5])):
     proven = np.array([margins[method, speed] for speed in speeds])
     left.loglog(speeds, proven, "o-", color=colour, label=method.value.upper())
     right.semilogx(speeds, proven / speeds, "o-", color=colour)

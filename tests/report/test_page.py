@@ -141,7 +141,7 @@ def test_nothing_proven_and_a_tube(browser: Browser, hand_made: Make, tmp_path: 
     wanted = {
         "failed": (failed, {"space", "plane", "sections", "margins"}, "Nothing is proven"),
         "nothing": (nothing, {"space", "plane"}, "gave no usable answer"),
-        "tube": (tube, {"space", "sections", "values", "inputs"}, "for every path within bounds"),
+        "tube": (tube, {"space", "plane", "sections", "values", "inputs"}, "for every path within bounds"),
     }
     for name, (result, figures, words) in wanted.items():
         (tmp_path / name).mkdir()
@@ -218,6 +218,11 @@ def test_the_command_writes_pages_and_the_index_of_a_sweep(
     assert main([str(tmp_path)]) == 0
     printed = capsys.readouterr().out.splitlines()
     assert printed == [str(tmp_path / place) for place in ("0/report.html", "1/report.html", "index.html")]
+    assert main([str(tmp_path / "0"), "--picture", "svg"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        str(tmp_path / "0" / name) for name in ("report.html", "funnel.svg")
+    ]
+    assert "<svg" in (tmp_path / "0" / "funnel.svg").read_text()[:1000]
     page = _opened(browser, tmp_path / "index.html", width=390, touch=True)
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     text = page.inner_text("body")

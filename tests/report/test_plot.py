@@ -10,17 +10,20 @@ import numpy as np
 import pytest
 import shapely
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from cfjax.conf import preset, preset_names, problem_of
+from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, FootprintDisc, Problem, Vehicle, ball, circle, tube
 from cfjax.problem import Path as RoadPath
-from cfjax.report.along import panels, spans_of
+from cfjax.report.marks import END, GOAL, INLET, START, TUBE, Axis, Lines, Panel
+from cfjax.report.marks import FUNNEL as FUNNEL_KIND
 from cfjax.report.page import save_page
+from cfjax.report.panels import shown_of, shown_pairs
 from cfjax.report.plane import Course, Plane, body_region, disc_shadows, positions, shadows, swept
-from cfjax.report.plot import picture_of, save_picture
+from cfjax.report.plot import POINTS, compose, plot, save_picture
 from cfjax.report.run_folder import result_json
-from cfjax.report.sections import sections_of, shown_pairs
 from cfjax.report.style import STYLE
 from cfjax.result import Result, Rollouts, StretchMargin
 from cfjax.verdict import Verdict
@@ -61,7 +64,7 @@ def test_the_body_is_where_cars_of_the_funnel_are_and_no_farther(offset: float) 
     region = body_region(FUNNEL, theta, course(theta), [FootprintDisc(0.1, offset)])
     at = np.repeat(np.linspace(0.0, FUNNEL.duration, 40), 500)
     x, poses = _inside(FUNNEL, at, rng), course(at)
-    origins = positions(course, at[:, None], x[:, None])[:, 0]
+    origins = positions(poses, x)
     alpha = poses[:, 0] + x[:, 0]
     centres = origins + offset * np.stack([-np.sin(alpha), np.cos(alpha)], axis=-1)
     bodies = shapely.buffer(shapely.points(centres), 0.1)
@@ -77,9 +80,8 @@ def test_hull_of_a_disc_ahead_is_tight() -> None:
     (corners,) = disc_shadows(FUNNEL, theta, pose, 0.3)
     x = _inside(FUNNEL, np.repeat(theta, 100_000), np.random.default_rng(1))
     alpha = pose[0, 0] + x[:, 0]
-    poses = np.repeat(theta, len(x))[:, None]
     ahead = 0.3 * np.stack([-np.sin(alpha), np.cos(alpha)], axis=-1)
-    seen = shapely.convex_hull(shapely.multipoints(positions(course, poses, x[:, None])[:, 0] + ahead))
+    seen = shapely.convex_hull(shapely.multipoints(positions(np.repeat(pose, len(x), axis=0), x) + ahead))
     assert shapely.hausdorff_distance(shapely.convex_hull(shapely.multipoints(corners)), seen) < 0.02
 
 
@@ -87,7 +89,7 @@ def test_cars_are_where_the_segments_poses_say() -> None:
     problem = _problem("figure_eight")
     path = problem.path
     theta = np.array([0.5, path.curve[0].duration + 1.5])
-    found = positions(Course(problem), theta[:, None], np.zeros((2, 1, 4)))[:, 0]
+    found = positions(Course(problem)(theta), np.zeros((2, 4)))
     wanted = [path.curve[0].poses(np.array([0.5]))[0, 1:], path.curve[1].poses(np.array([1.5]))[0, 1:]]
     np.testing.assert_allclose(found, wanted, atol=1e-7)
 
@@ -128,14 +130,14 @@ def _without_candidate(result: Result) -> Result:
 PATHS = [name for name in preset_names() if name not in ("waypoints", "tube")]
 
 
-def _all_in_place(result: Result) -> None:
+def _all_in_place(result: Result, draw: Callable[[Result], Figure] = plot) -> None:
     """Axes and what belongs to them lie in the figure and beside each other; metres are as long in y as in x."""
     with matplotlib.rc_context(STYLE):
-        figure = picture_of(result)
+        figure = draw(result)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         renderer = canvas.get_renderer()
-        boxes = [axes.get_tightbbox(renderer) for axes in figure.axes if axes.get_ylabel()[:4] != "$v_r"]
+        boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
         boxes += [legend.get_window_extent(renderer) for legend in figure.legends]
         assert figure._suptitle is not None  # pyright: ignore[reportAttributeAccessIssue]
         boxes.append(figure._suptitle.get_window_extent(renderer))  # pyright: ignore[reportAttributeAccessIssue]
@@ -144,7 +146,7 @@ def _all_in_place(result: Result) -> None:
             assert box.x1 <= figure.bbox.width + 1 and box.y1 <= figure.bbox.height + 1
         for one, other in combinations(boxes, 2):
             assert not one.padded(-2).overlaps(other.padded(-2))
-        plane = next(axes for axes in figure.axes if axes.get_xlabel() == "$x$ (m)")
+        plane = next(axes for axes in figure.axes if axes.get_xlabel() == "x (m)")
         (x0, y0), (x1, y1) = plane.transData.transform([(0.0, 0.0), (1.0, 1.0)])
         assert x1 - x0 == pytest.approx(y1 - y0)
 
@@ -153,6 +155,16 @@ def _all_in_place(result: Result) -> None:
 @pytest.mark.parametrize("name", PATHS)
 def test_nothing_is_clipped_or_hidden(hand_made: Make, name: str, state: Callable[[Result], Result]) -> None:
     _all_in_place(state(hand_made(_problem(name))))
+
+
+@pytest.mark.parametrize("name", ["circle", "slalom"])  # panels beside the plane, and below it
+def test_long_titles_have_room(hand_made: Make, name: str) -> None:
+    def drawn(result: Result) -> Figure:
+        titles = {"values": "V(θ, x)", "lateral": "lateral error (m)", "command": "angle of the front wheels (rad)"}
+        panels = [Panel(name, Axis("clock (s)"), Axis(title), ()) for name, title in titles.items()]
+        return compose(Plane(result).panel([]), panels, "a simulation")
+
+    _all_in_place(hand_made(_problem(name)), drawn)
 
 
 def test_a_long_chain_with_varying_speed(hand_made: Make, write: Callable[..., Path]) -> None:
@@ -167,43 +179,48 @@ def test_picture_is_a_file(hand_made: Make, tmp_path: Path) -> None:
 
 
 def test_panels_say_something(hand_made: Make) -> None:
-    assert len(panels(_certified(hand_made(_problem("circle"))))) == 1  # nothing varies but V
-    assert len(panels(hand_made(_problem("circle")))) == 0
-    assert len(panels(_certified(hand_made(_problem("oval"))))) == 3
-    assert len(panels(_failed(hand_made(_problem("oval"))))) == 2
-    assert len(panels(_without_candidate(hand_made(_problem("oval"))))) == 1
+    def drawn(result: Result) -> list[str]:
+        return [axes.get_ylabel() for axes in result.plot().axes][1:]  # without the plane
+
+    assert drawn(_certified(hand_made(_problem("circle")))) == ["V(θ, x)"]  # nothing varies but V
+    assert drawn(hand_made(_problem("circle"))) == []
+    assert drawn(_certified(hand_made(_problem("oval")))) == ["V(θ, x)", "κ (1/m)", "λ (1/s)"]
+    assert drawn(_failed(hand_made(_problem("oval")))) == ["κ (1/m)", "λ (1/s)"]
+    assert drawn(_without_candidate(hand_made(_problem("oval")))) == ["κ (1/m)"]
 
 
 def test_what_was_asked_is_drawn_beside_the_funnel(hand_made: Make) -> None:
     """I around the reference's first place, G around its last one, in its frame: half-axes x to the right, y ahead."""
     problem = replace(problem_of(preset("straight")), inlet=Ellipsoid((0.5, 0.3, 0.2, 0.5)), goal=ball(0.4))
     plane = Plane(hand_made(problem))
-    (start, end), asked = plane.line[[0, -1]], plane.asked
-    assert list(asked) == ["initial set I", "goal set G"]
+    marks = {mark.kind: mark for mark in plane.panel([]).marks if isinstance(mark, Lines)}
+    assert {START, END, INLET, GOAL} <= set(marks)
+    start, end = plane.line[[0, -1]]
     ahead = (end - start) / np.linalg.norm(end - start)
     right = np.array([ahead[1], -ahead[0]])
-    at = asked["initial set I"] - start
+    at = marks[INLET].parts[0] - start
     assert np.abs(at @ right).max() == pytest.approx(0.3, rel=1e-3)
     assert np.abs(at @ ahead).max() == pytest.approx(0.2, rel=1e-3)
-    assert np.linalg.norm(asked["goal set G"] - end, axis=1) == pytest.approx(0.4)
-    assert {"funnel's start", "funnel's end", *asked} <= {handle.get_label() for handle in plane.handles()}
+    assert np.linalg.norm(marks[GOAL].parts[0] - end, axis=1) == pytest.approx(0.4)
+    ends = [marks[kind].theta[0].tolist()[0] for kind in (INLET, START, GOAL, END)]
+    assert ends == pytest.approx([0.0, 0.0, plane.end, plane.end])
 
 
-def test_inlets_and_outlets_of_every_segment(hand_made: Make) -> None:
+def test_starts_and_ends_of_every_segment(hand_made: Make) -> None:
     result = hand_made(_problem("slalom"))
     plane = Plane(result)
-    assert len(plane.inlets) == len(plane.outlets) == len(spans_of(result)) == 6
-    for outlet, inlet in zip(plane.outlets, plane.inlets[1:], strict=False):  # the funnels made by hand contract
-        assert shapely.contains_properly(shapely.Polygon(inlet), shapely.Polygon(outlet))
+    assert len(plane.starts) == len(plane.ends) == len(result.spans) == 6
+    for end, start in zip(plane.ends, plane.starts[1:], strict=False):  # the funnels made by hand contract
+        assert shapely.contains_properly(shapely.Polygon(start), shapely.Polygon(end))
 
 
 def test_far_obstacles_do_not_shrink_the_picture(hand_made: Make) -> None:
     problem = _problem("obstacle")
-    near = Plane(hand_made(problem)).view
+    near = Plane(hand_made(problem)).view([])
     far = replace(problem, obstacles=(*problem.obstacles, Disc(40.0, 0.0, 2.0)))
-    assert Plane(hand_made(far)).view == near
+    assert Plane(hand_made(far)).view([]) == near
     wide = replace(problem, obstacles=(*problem.obstacles, Disc(0.0, 22.0, 20.0)))
-    low, high = Plane(hand_made(wide)).view[2:]
+    low, high = Plane(hand_made(wide)).view([])[2:]
     assert near[3] < high < near[3] + 0.3 * (near[1] - near[0])
     assert low == near[2]
 
@@ -230,10 +247,50 @@ def test_vehicles_of_other_sizes_have_their_pictures(
     made = hand_made(Problem(path, vehicle=vehicle, inlet=ball(0.3, size), goal=goal))
     save_picture(made, tmp_path / "funnel.png")
     save_page(made, tmp_path / "report.html")
-    sections = list(sections_of(made))
+    sections = shown_of(made, POINTS).panels["sections"]
     inverse = np.linalg.inv(made.segments[0].funnel.shape)
+    first = TUBE if path.tube else FUNNEL_KIND
     for (i, j), section in zip(shown_pairs(size), sections, strict=True):
-        (outline,) = (shadow.outline for shadow in section.shadows if shadow.role == "V = 1")
-        np.testing.assert_allclose(outline.max(axis=1), np.sqrt([inverse[i, i], inverse[j, j]]), rtol=2e-3)
-        assert [shadow.role for shadow in section.shadows] == ["V = 1", *["goal G"] * has_goal, "inlet I"]
+        lines = [mark for mark in section.marks if isinstance(mark, Lines)]
+        assert [mark.kind for mark in lines] == [first, *[GOAL] * has_goal, INLET]
+        np.testing.assert_allclose(lines[0].parts[0].max(axis=0), np.sqrt([inverse[i, i], inverse[j, j]]), rtol=2e-3)
     assert result_json(made)["sets"]["goal"] == ([0.6] * size if has_goal else None)
+
+
+def test_a_panel_goes_into_axes_of_ones_own(hand_made: Make) -> None:
+    result = _certified(hand_made(_problem("oval")))
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert result.plot("plane", left) is figure
+    assert result.plot("margins", right) is figure
+    assert (left.get_xlabel(), right.get_ylabel()) == ("x (m)", "λ (1/s)")
+    assert [axes.get_ylabel() for axes in result.plot("input thrust").axes] == ["thrust (m/s²)"]
+    with pytest.raises(InputError, match=r"panel: expected one of plane, .*, got sped"):
+        result.plot("sped")
+    with pytest.raises(InputError, match="panel: expected one of plane"):
+        result.plot(axes=left)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_the_same_picture_is_the_same_file(hand_made: Make, tmp_path: Path, suffix: str) -> None:
+    result = _certified(hand_made(_problem("circle")))
+    for name in ("one", "other"):
+        save_picture(result, (tmp_path / name).with_suffix(suffix))
+    one, other = ((tmp_path / name).with_suffix(suffix).read_bytes() for name in ("one", "other"))
+    assert one == other
+    assert {".png": b"PNG", ".svg": b"<svg", ".pdf": b"%PDF"}[suffix] in one[:1000]
+
+
+def test_a_picture_looks_alike_whatever_the_users_settings(hand_made: Make) -> None:
+    result = _certified(hand_made(_problem("circle")))
+
+    def pixels() -> bytes:
+        canvas = FigureCanvasAgg(result.plot())
+        canvas.draw()
+        return bytes(canvas.buffer_rgba())
+
+    plain = pixels()
+    with matplotlib.rc_context(
+        {"font.size": 20, "font.family": "sans-serif", "axes.spines.top": True, "legend.frameon": True}
+    ):
+        assert pixels() == plain

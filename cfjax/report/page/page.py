@@ -11,11 +11,9 @@ import jinja2
 
 from cfjax.report.files import CONFIG, RESULT, read_json, versions
 from cfjax.report.page import tables
-from cfjax.report.page.cars import cars_of
-from cfjax.report.page.figure import Figure
-from cfjax.report.page.flat import input_figure, margin_figure, plane_figure, section_figure, value_figure
-from cfjax.report.page.space import space_of_path, space_of_tube
-from cfjax.report.plane import Plane
+from cfjax.report.page.figure import Figure, figure_of
+from cfjax.report.page.space import space_of
+from cfjax.report.panels import shown_of
 from cfjax.result import Result
 from cfjax.verdict import Verdict
 
@@ -25,6 +23,15 @@ TITLES = {
     Verdict.REFUTED: "refuted",
     Verdict.INCONCLUSIVE: "inconclusive",
     Verdict.SOLVER_FAILED: "solver failed",
+}
+
+POINTS = 5000  # of all cars together
+LABELS = {
+    "plane": "The funnel, the reference and the cars on the plane",
+    "values": "V along the way of the cars",
+    "inputs": "Inputs of the cars against their limits",
+    "margins": "The margin along the path, certified and falsified",
+    "sections": "Shadows of the funnel, of I and of G on pairs of states",
 }
 
 
@@ -41,20 +48,14 @@ def save_page(result: Result, path: Path) -> None:
 
 def page_of(result: Result, config: str, known: dict[str, str]) -> str:
     """The page's text; `known` are the versions that made the result."""
-    tube = result.problem.path.tube
-    plane = None if tube else Plane(result)
-    cars = cars_of(result, plane.course if plane else None)
-    figures: list[Figure] = []
-    if plane:
-        figures += [space_of_path(result, plane, cars), plane_figure(result, plane, cars)]
-    elif result.segments:
-        figures.append(space_of_tube(result, cars))
-    if result.segments:
-        figures.append(section_figure(result))
-        if plane:
-            figures.append(margin_figure(result))
-    if cars:
-        figures += [value_figure(result, cars), input_figure(result, cars)]
+    shown = shown_of(result, POINTS)
+    cars, space = shown.cars, space_of(result, shown)
+    figures = [space] if space else []
+    figures += [
+        figure_of(name, label, shown.panels[name], beside=name == "sections")
+        for name, label in LABELS.items()
+        if name in shown.panels
+    ]
     return (
         environment()
         .get_template("page.html.j2")

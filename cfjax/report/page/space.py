@@ -4,28 +4,18 @@ Over the clock a funnel is not one body: cars meet it sooner or later, for the t
 drawn as the one car meets it that comes closest to its edge.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import shapely
+from jaxtyping import Float
 
-from cfjax.report.along import spans_of
-from cfjax.report.page.cars import Car, ways_of
-from cfjax.report.page.figure import FONT, INK, Figure, Trace, rounded
-from cfjax.report.plane import Plane, positions, shadows
-from cfjax.report.style import (
-    EDGE_COLOUR,
-    END,
-    FAILED_COLOUR,
-    GOAL_COLOUR,
-    INLET_COLOUR,
-    OBSTACLE_COLOUR,
-    REFERENCE_COLOUR,
-    START,
-    ellipse_outline,
-    rotation,
-)
-from cfjax.report.tube_plot import SHOWN_WAY, most_winding
+from cfjax.report.cars import Car, Ride, ride_of
+from cfjax.report.marks import CARS, FUNNEL, OBSTACLE, ONE_PATH, TUBE, Kind, Lines, joined
+from cfjax.report.page.figure import FONT, INK, Figure, Trace, look, rounded
+from cfjax.report.panels import Shown
+from cfjax.report.plane import shadows
 from cfjax.result import Result
 
 
@@ -34,134 +24,96 @@ FEWEST_ROWS = 8  # of a funnel
 SHOWN_CARS = 10
 ROW_WIDTH = 0.8  # m: between rows on a straight line a tenth of it
 RINGS = 14  # at most, that show the shape
+SCALE = 4.5  # px, for a pt in print
+RING, BOLD = 0.45, 1.4  # pt: lines of rings, and of the car whose clock it is
 LONG, THIN = 60.0, 0.4  # in half-widths of the funnel: paths that long have lines so much thinner
 LEAST_SHARE = 0.3  # of the longer side on the plane that the shorter one is drawn with
-BLUES = [[0.0, "#e3eef9"], [0.5, "#a9cbe8"], [1.0, EDGE_COLOUR]]
+
+Heights = Callable[[np.ndarray], dict[str, list[Any]]]  # from θ (s) or way (m) of rows, by the key of a view
+Leg = tuple[Float[np.ndarray, "t c 2"], Float[np.ndarray, " t"]]  # outlines (m), and θ or way of each
 
 
-def space_of_path(result: Result, plane: Plane, cars: list[Car]) -> Figure:
-    """Funnels along a path."""
-    course, spans = plane.course, spans_of(result)
-    total = sum(segment.duration for segment in result.problem.path.curve)
-    guide = max(cars, key=lambda car: float(np.nanmax(car.value)), default=None)
+def space_of(result: Result, shown: Shown) -> Figure | None:
+    """Funnels along a path, with what is on the plane, or a tube along one path; None for a tube that was not found."""
+    if shown.plane is not None:
+        return _of_path(result, shown)
+    return _of_tube(result) if result.segments else None
 
-    def heights(theta: np.ndarray) -> dict[str, list[Any]]:
-        """Of each row over both axes."""
-        clock = theta if guide is None else np.interp(theta, guide.along, guide.clock)
-        return {"theta": rounded(theta), "time": rounded(np.where(np.isfinite(theta), clock, np.nan))}
 
-    traces: list[Trace] = []
-    rows, thetas, rings, ring_thetas = [], [], [], []
-    for (begin, end), found in zip(spans, result.segments, strict=True):
-        # no more than it takes: where many transparent strips lie over each other they show
-        theta = course.between(begin, end, ROW_WIDTH, ROWS)
-        count = min(len(theta), max(FEWEST_ROWS, round(ROWS * (end - begin) / total)))
-        theta = np.linspace(begin, end, count)
-        outlines = shadows(found.funnel, theta - begin, course(theta))[:, :: 96 // CORNERS]
-        outlines = np.concatenate([outlines, outlines[:, :1]], axis=1)
-        rows += [*outlines, np.full_like(outlines[0], np.nan)]
-        thetas += [*theta, np.nan]
-        shown = np.linspace(0, count - 1, max(2, round(RINGS * (end - begin) / total))).round().astype(int)
-        rings += list(outlines[shown])
-        ring_thetas += list(theta[shown])
-    if rows:
-        surface = np.stack(rows[:-1])
-        theta = np.array(thetas[:-1])
-        traces.append(_surface(surface, heights(theta), "funnel", theta))
-        traces.append(_rings(rings, heights(_repeated(ring_thetas)), EDGE_COLOUR, 2.0, ""))
-        for at, colour, name in ((0, INLET_COLOUR, START), (-1, GOAL_COLOUR, END)):
-            traces.append(_rings([rings[at]], heights(_repeated([ring_thetas[at]])), colour, 7.0, name))
-    theta = np.linspace(0.0, total, ROWS)
-    traces.append(_curve(course(theta)[:, 1:], heights(theta), "reference", REFERENCE_COLOUR, 4.0, "dash"))
-    x0, x1, y0, y1 = plane.view
-    for obstacle in plane.obstacles:
-        seen = shapely.intersection(obstacle, shapely.box(x0, y0, x1, y1))
-        for part in shapely.get_parts(seen):
-            if isinstance(part, shapely.Polygon) and not part.is_empty:
-                ring = np.asarray(part.exterior.coords)
-                traces.append(_wall(ring, heights(np.array([0.0, total]))))
+def _of_path(result: Result, shown: Shown) -> Figure:
+    assert shown.plane is not None
+    course, end = shown.plane.course, shown.plane.end
+    guide = max(shown.cars, key=lambda car: float(np.nanmax(car.value)), default=None)
+    heights = _heights("theta", guide)
+    legs = []
+    for (begin, until), found in zip(result.spans, result.segments, strict=True):
+        # no more rows than it takes: where many transparent strips lie over each other they show
+        most = max(FEWEST_ROWS, round(ROWS * (until - begin) / end))
+        theta = np.linspace(begin, until, min(len(course.between(begin, until, ROW_WIDTH, ROWS)), most))
+        legs.append((shadows(found.funnel, theta - begin, course(theta)), theta))
+    traces = _body(FUNNEL, legs, heights)
+    (panel,) = shown.panels["plane"]
+    for mark in panel.marks:
+        if isinstance(mark, Lines) and mark.kind is OBSTACLE:
+            traces += [_wall(ring, heights(np.array([0.0, end]))) for ring in mark.parts]
+        elif isinstance(mark, Lines) and mark.theta:
+            traces.append(_lines(mark, heights(joined(mark.theta))))
+    span = np.ptp(np.array([panel.across.range, panel.up.range]), axis=1)
     reach = max((found.funnel.half_widths()[1:3].max() for found in result.segments), default=1.0)
-    thin = THIN if max(x1 - x0, y1 - y0) > LONG * reach else 1.0
-    traces += _ways(cars, guide, thin)
-    if result.failed_at is not None:
-        theta = np.linspace(*result.failed_at, 40)
-        line = _curve(course(theta)[:, 1:], heights(theta), "here the proof failed", FAILED_COLOUR, 10.0)
-        traces.append(line)
-    worst = [point for point in result.worst_points if point.condition == "d"]
-    ends = np.concatenate([[0.0], np.cumsum([s.duration for s in result.problem.path.curve])])
-    if worst and not any(found.span for found in result.segments):
-        theta = np.array([ends[point.segment] + point.theta for point in worst])
-        x = np.array([point.x for point in worst])
-        place = positions(course, theta[:, None], x[:, None])[:, 0]
-        traces.append(
-            {
-                **_curve(place, heights(theta), "worst point of (d)", FAILED_COLOUR, 1.0),
-                "mode": "markers",
-                "marker": {
-                    "symbol": "diamond",
-                    "size": 5,
-                    "color": FAILED_COLOUR,
-                    "line": {"color": "white", "width": 1},
-                },
-            }
-        )
+    traces += _ways(shown.cars, guide, THIN if span.max() > LONG * reach else 1.0)
     whose = " at u₀ = 1" if guide is None else f" of car {guide.number}"
-    views = (
-        ("theta", "x, y, θ", "reference time θ (s)"),
-        ("time", "x, y, time", f"time t{whose} (s)"),
-    )
-    shape = np.array([x1 - x0, y1 - y0])
-    return Figure("space", "The funnel in three dimensions", traces, _scene(shape, views[0][2]), views=views)
+    views = ("theta", "x, y, θ", "reference time θ (s)"), ("time", "x, y, time", f"time t{whose} (s)")
+    return Figure("space", "The funnel in three dimensions", traces, _scene(span, views[0][2]), views=views)
 
 
-def space_of_tube(result: Result, cars: list[Car]) -> Figure:
-    """A tube along one of the paths that it is proven for; along a straight one where no car was driven."""
-    funnel = result.segments[0].funnel
-    clocks: np.ndarray | None = None
-    far = SHOWN_WAY * float(funnel.half_widths()[1])
-    if result.rollouts:
-        record = result.rollouts[0]
-        number = most_winding(record)
-        way = ways_of(record)[:, number]
-        last = int(np.searchsorted(way, far)) + 1
-        kept = np.unique(np.linspace(0, min(last, len(way)) - 1, ROWS).astype(int))
-        poses, clocks, way = record.reference[kept, number], record.clock[kept, number], way[kept]  # pyright: ignore[reportOptionalSubscript]
-        x = record.x[kept, number]
-    else:
-        way = np.linspace(0.0, 0.3 * far, 80)
-        poses, x = np.stack([0 * way, 0 * way, way], axis=-1), None
-    turns = rotation(poses[:, 0])
-    outline = ellipse_outline(np.linalg.inv(funnel.shape)[1:3, 1:3])[:, :: 96 // CORNERS]
-    outline = np.concatenate([outline, outline[:, :1]], axis=1)
-    outlines = poses[:, None, 1:] + np.einsum("tij,jk->tki", turns, outline)
-
-    def heights(rows: np.ndarray) -> dict[str, list[Any]]:
-        return {"way": rounded(way[rows]), **({} if clocks is None else {"time": rounded(clocks[rows])})}
-
-    every = np.arange(len(way))
-    traces = [_surface(outlines, heights(every), "tube", way)]
-    shown = np.linspace(0, len(way) - 1, RINGS).round().astype(int)
-    repeated = np.repeat(shown, len(outline[0]) + 1)
-    rings = _rings(list(outlines[shown]), heights(repeated), EDGE_COLOUR, 2.0, "")
-    traces.append(rings)
-    traces.append(_curve(poses[:, 1:], heights(every), "one of the paths", REFERENCE_COLOUR, 4.0, "dash"))
-    if x is not None:
-        place = poses[:, 1:] + np.einsum("tij,tj->ti", turns, x[:, 1:3])
-        traces.append(_curve(place, heights(every), "a car", cars[0].colour, 5.0))
+def _of_tube(result: Result) -> Figure:
+    """Along a straight path where no car was driven."""
+    ride = ride_of(result, ROWS)
+    outlines = shadows(result.segments[0].funnel, 0 * ride.along, ride.poses)
+    heights = _heights("way", ride)
+    traces = _body(TUBE, [(outlines, ride.along)], heights)
+    curves = [Lines(ONE_PATH, [ride.poses[:, 1:]]), *([] if ride.place is None else [Lines(CARS, [ride.place])])]
+    traces += [_lines(mark, heights(ride.along)) for mark in curves]
     views = [("way", "x, y, way", "way of the reference (m)")]
-    if clocks is not None:
-        views.append(("time", "x, y, time", "time t (s)"))
-    span = np.ptp(outlines.reshape(-1, 2), axis=0)
-    label = "The tube along one path in three dimensions"
-    return Figure("space", label, traces, _scene(span, views[0][2]), views=tuple(views))
+    views += [] if ride.clock is None else [("time", "x, y, time", "time t (s)")]
+    scene = _scene(np.ptp(outlines.reshape(-1, 2), axis=0), views[0][2])
+    return Figure("space", "The tube along one path in three dimensions", traces, scene, views=tuple(views))
 
 
-def _repeated(thetas: list[float]) -> np.ndarray:
-    """θ of the corners of rings, with a gap after each."""
-    return np.concatenate([[*([theta] * (CORNERS + 1)), np.nan] for theta in thetas])
+def _heights(key: str, guide: Car | Ride | None) -> Heights:
+    """Over both third axes; time is that of one car, and the reference's own where there is none."""
+
+    def heights(along: np.ndarray) -> dict[str, list[Any]]:
+        clock = along if guide is None or guide.clock is None else np.interp(along, guide.along, guide.clock)
+        return {key: rounded(along), "time": rounded(clock)}
+
+    return heights
 
 
-def _surface(outlines: np.ndarray, heights: dict[str, list[Any]], name: str, shade: np.ndarray) -> Trace:
+def _body(kind: Kind, legs: list[Leg], heights: Heights) -> list[Trace]:
+    """The surface of all legs, and rings that show its shape."""
+    if not legs:
+        return []
+    total = sum(along[-1] - along[0] for _, along in legs)
+    rows, rings, at = [], [], []
+    for outlines, along in legs:
+        closed = outlines[:, [*range(0, outlines.shape[1] - 1, outlines.shape[1] // CORNERS), 0]]
+        count = max(2, round(RINGS * (along[-1] - along[0]) / total))
+        shown = np.linspace(0, len(along) - 1, count).round().astype(int)
+        rows.append(closed)
+        rings += list(closed[shown])
+        at += [np.full(closed.shape[1], each) for each in along[shown]]
+    along = joined([own for _, own in legs])
+    surface = _surface(joined(rows), heights(along)) | {
+        "shades": rounded(along),
+        "colorscale": [[0.0, "#e3eef9"], [0.5, "#a9cbe8"], [1.0, kind.colour]],
+        "name": kind.label,
+        "showlegend": True,
+    }
+    return [surface, _lines(Lines(replace(kind, label="", width=RING), rings), heights(joined(at)))]
+
+
+def _surface(outlines: Float[np.ndarray, "t c 2"], heights: dict[str, list[Any]]) -> Trace:
     """Rows of corners; the page's script spreads each row's height over its corners."""
     return {
         "type": "surface",
@@ -169,61 +121,47 @@ def _surface(outlines: np.ndarray, heights: dict[str, list[Any]], name: str, sha
         "y": rounded(outlines[..., 1]),
         "heights": heights,
         "spread": outlines.shape[1],
-        "shades": rounded(shade),
-        "colorscale": BLUES,
+        "shades": [0.0] * len(outlines),
         "opacity": 0.55,
         "showscale": False,
         "hoverinfo": "skip",
-        "name": name,
-        "showlegend": True,
         "contours": {axis: {"highlight": False} for axis in "xyz"},
         "lighting": {"ambient": 0.75, "diffuse": 0.5, "specular": 0.06, "roughness": 0.9},
     }
 
 
-def _wall(ring: np.ndarray, heights: dict[str, list[Any]]) -> Trace:
-    both = np.stack([ring, ring])
-    return {
-        **_surface(both, heights, "obstacle", np.zeros(2)),
-        "colorscale": [[0, OBSTACLE_COLOUR], [1, OBSTACLE_COLOUR]],
-        "opacity": 0.3,  # what lies behind it is seen
-    }
+def _wall(ring: Float[np.ndarray, "c 2"], heights: dict[str, list[Any]]) -> Trace:
+    """Of an obstacle: what lies behind it is seen."""
+    colours = [[0, OBSTACLE.colour], [1, OBSTACLE.colour]]
+    return _surface(np.stack([ring, ring]), heights) | {"colorscale": colours, "opacity": 0.3}
 
 
-def _curve(
-    place: np.ndarray, heights: dict[str, list[Any]], name: str, colour: str, width: float, dash: str = "solid"
-) -> Trace:
+def _lines(mark: Lines, heights: dict[str, list[Any]], thin: float = 1.0) -> Trace:
+    place, label = joined(mark.parts), mark.kind.label
+    hover = {"hovertemplate": f"x %{{x:.3f}} m<br>y %{{y:.3f}} m<br>%{{z:.3f}}<extra>{label}</extra>"}
     return {
         "type": "scatter3d",
-        "mode": "lines",
         "x": rounded(place[:, 0]),
         "y": rounded(place[:, 1]),
         "heights": heights,
-        "name": name,
-        "line": {"color": colour, "width": width, "dash": dash},
-        "hovertemplate": "x %{x:.3f} m<br>y %{y:.3f} m<br>%{z:.3f}<extra>" + name + "</extra>",
+        "showlegend": bool(label),
+        **look(mark.kind, SCALE * thin),
+        **(hover if label else {"hoverinfo": "skip"}),
     }
 
 
-def _rings(rings: list[np.ndarray], heights: dict[str, list[Any]], colour: str, width: float, name: str) -> Trace:
-    gap = np.full((1, 2), np.nan)
-    corners = np.concatenate([part for ring in rings for part in (ring, gap)])
-    return {**_curve(corners, heights, name, colour, width), "hoverinfo": "skip", "showlegend": bool(name)}
-
-
 def _ways(cars: list[Car], guide: Car | None, thin: float) -> list[Trace]:
-    shown = cars[:SHOWN_CARS]
-    if guide is not None and guide not in shown:
-        shown = [*shown[:-1], guide]
+    """Of some cars, and of the one whose clock it is."""
+    others = [car for car in cars if car is not guide][: SHOWN_CARS - 1]
+    groups = [(CARS, others), (replace(CARS, label=f"car {guide.number}", width=BOLD), [guide])] if guide else []
     traces = []
-    for k, car in enumerate(shown):
-        heights = {"theta": rounded(car.along), "time": rounded(car.clock)}
-        bold = car is guide
-        way = _curve(
-            car.place, heights, f"car {car.number}" if bold else "cars", car.colour, thin * (6.0 if bold else 2.5)
-        )
-        first = k == next((i for i, other in enumerate(shown) if other is not guide), 0)
-        traces.append({**way, "legendgroup": "guide" if bold else "cars", "showlegend": bold or first})
+    for kind, own in groups:
+        if own:
+            columns = {
+                name: rounded(joined(values))
+                for name, values in (("theta", [car.along for car in own]), ("time", [car.clock for car in own]))
+            }
+            traces.append(_lines(Lines(kind, [car.place for car in own]), columns, thin))
     return traces
 
 
