@@ -21,7 +21,6 @@ from cfjax.check.clearance import (
     HalfPlane,
     ObstacleClaim,
     Shadow,
-    prove_clearance,
     prove_half_plane,
 )
 from cfjax.check.enclosure import Budget
@@ -56,15 +55,6 @@ class NotClear(ValueError):
         return NotClear(f"obstacle {obstacle}: {self}", self.theta, span, obstacle)
 
 
-class _View(NamedTuple):
-    """Clearances (m) seen along a stretch, without the higher orders of the body's turn."""
-
-    own: float  # the least over θ of what each θ has along its own best direction
-    theta: float  # where that is, s
-    shared: float  # the least over θ along the one direction that is best for all
-    angle: float  # of that direction, rad
-
-
 def find_clearance(surroundings: Surroundings, spans: Sequence[Span]) -> Clearance:
     """Half-planes along every span that `prove_surroundings` accepts; none where there are no obstacles.
 
@@ -77,11 +67,12 @@ def find_clearance(surroundings: Surroundings, spans: Sequence[Span]) -> Clearan
         return ()
     found = []
     for index, span in enumerate(spans):
+        along = samples_along(span.pieces, span.start)
         shadows = [Shadow(span.shape, span.level, disc) for disc in footprint]
         by_obstacle = []
         for number, obstacle in enumerate(obstacles):
             try:
-                planes = [find_half_planes(span.pieces, span.start, shadow, obstacle) for shadow in shadows]
+                planes = [find_half_planes(span.pieces, span.start, each, obstacle, along) for each in shadows]
             except NotClear as error:
                 raise error.at(index, number) from None
             by_obstacle.append(tuple(map(tuple, planes)))
@@ -95,8 +86,11 @@ def find_half_planes(
     start: ExactPose,
     shadow: Shadow,
     obstacle: ObstacleClaim,
+    along: "Samples | None" = None,
 ) -> list[HalfPlane]:
-    """Half-planes along one segment that `prove_clearance` accepts, few and long; the other arguments are as there.
+    """Half-planes along one segment, few and long, each of them proven; arguments as of `prove_clearance`.
+
+    `along` are samples of the segment, where the caller has them.
 
     Raises:
         NotClear: where the body may touch the obstacle.
@@ -104,61 +98,73 @@ def find_half_planes(
     """
     duration = sum((piece.duration for piece in pieces), fmpq(0))
     shadow.check_end(duration)
-    _look_everywhere(pieces, start, shadow, obstacle)
+    along = samples_along(pieces, start) if along is None else along
+    own = least_clearances(along, shadow, obstacle)
+    worst = int(np.argmin(own))
+    if not own[worst] > 0:  # cheaper than to come there by half-planes
+        at = float(along.theta[worst])
+        raise NotClear(f"the body may reach {-own[worst]:.3g} m into the obstacle at theta = {at:.6g} s", at)
     planes: list[HalfPlane] = []
     begin, pose = fmpq(0), start
     while begin < duration:
-        plane, pose = _longest(pieces, pose, shadow, obstacle, begin, duration)
+        plane, pose = _longest(pieces, pose, along, shadow, obstacle, begin, duration)
         planes.append(plane)
         begin = plane.end
-    prove_clearance(pieces, start, shadow, obstacle, planes)
     return planes
 
 
-def _look_everywhere(pieces: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim) -> None:
-    """Raises NotClear where the clearance is least, if it is none: cheaper than to come there by half-planes."""
-    theta, poses = poses_along(pieces, pose, SAMPLES)
-    level = np.asarray(template_named(shadow.level.name).level(float(shadow.level.rate), theta))
-    own = least_clearances(poses, level, shadow, obstacle)
-    worst = int(np.argmin(own))
-    if not own[worst] > 0:
-        at = float(theta[worst])
-        raise NotClear(f"the body may reach {-own[worst]:.3g} m into the obstacle at theta = {at:.6g} s", at)
+class Samples(NamedTuple):
+    """Places of a segment: θ (s) from its start, and the reference's poses there."""
+
+    theta: Float[np.ndarray, " t"]
+    poses: Float[np.ndarray, "t 3"]
+
+    def between(self, begin: float, end: float) -> "Samples":
+        """As many places of a stretch as there are of a piece, by interpolation."""
+        theta = np.linspace(begin, end, SAMPLES)
+        return Samples(theta, np.stack([np.interp(theta, self.theta, each) for each in self.poses.T], axis=1))
+
+    def level(self, shadow: Shadow) -> Float[np.ndarray, " t"]:
+        """ρ there."""
+        return np.asarray(template_named(shadow.level.name).level(float(shadow.level.rate), self.theta))
 
 
-def poses_along(
-    pieces: Sequence[Piece], pose: ExactPose, samples: int
-) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, "t 3"]]:
-    """θ (s) and the reference's poses at so many places of each piece, both ends among them."""
+def samples_along(pieces: Sequence[Piece], pose: ExactPose, samples: int = SAMPLES) -> Samples:
+    """So many places of each piece, both ends among them."""
     ends = np.array([float(piece.theta) for piece in pieces] + [float(pieces[-1].theta + pieces[-1].duration)])
     theta = np.linspace(ends[:-1], ends[1:], samples, axis=1).ravel()
-    return theta, _segment(pieces, pose).poses(theta - ends[0])
+    return Samples(theta, _segment(pieces, pose).poses(theta - ends[0]))
 
 
-def least_clearances(
-    poses: Float[np.ndarray, "t 3"], level: Float[np.ndarray, " t"], shadow: Shadow, obstacle: ObstacleClaim
-) -> Float[np.ndarray, " t"]:
-    """The clearance (m) of a disc of the body at each pose, along its own best direction; less where it is far."""
+def least_clearances(along: Samples, shadow: Shadow, obstacle: ObstacleClaim) -> Float[np.ndarray, " t"]:
+    """The clearance (m) of a disc of the body at each place, along its own best direction; less where it is far."""
+    level = along.level(shadow)
     corners = np.array([[float(x), float(y)] for x, y in obstacle.corners])
     middle = corners.mean(axis=0)
     spread = np.array([[float(shadow.inverse[i, j]) for j in (1, 2)] for i in (1, 2)])
     around = np.linalg.norm(corners - middle, axis=1).max() + float(obstacle.round) + float(shadow.disc.radius)
     reach = np.sqrt(level * np.linalg.eigvalsh(spread)[-1]) + abs(float(shadow.disc.offset))
-    found = np.linalg.norm(poses[:, 1:] - middle, axis=1) - around - reach
+    found = np.linalg.norm(along.poses[:, 1:] - middle, axis=1) - around - reach
     fan = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
     near = np.flatnonzero(found <= 0)
     for some in np.split(near, range(AT_ONCE, len(near), AT_ONCE)):
-        found[some] = _clearances(fan, poses[some], level[some], shadow, obstacle).max(axis=0)
+        found[some] = _clearances(fan, along.poses[some], level[some], shadow, obstacle).max(axis=0)
     return found
 
 
 def _longest(
-    pieces: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim, begin: fmpq, duration: fmpq
+    pieces: Sequence[Piece],
+    pose: ExactPose,
+    along: Samples,
+    shadow: Shadow,
+    obstacle: ObstacleClaim,
+    begin: fmpq,
+    duration: fmpq,
 ) -> tuple[HalfPlane, ExactPose]:
     """A half-plane from θ = begin that is proven, nearly as long as can be, and the pose where it ends."""
     reason = "they would hold for ever shorter stretches"
-    for end, view in _candidates(pieces, pose, shadow, obstacle, begin, duration):
-        plane, stretch = HalfPlane(end, _short(view.angle)), between(pieces, begin, end)
+    for end, angle in _candidates(along, shadow, obstacle, begin, duration):
+        plane, stretch = HalfPlane(end, _short(angle)), between(pieces, begin, end)
         try:
             return plane, prove_half_plane(stretch, pose, shadow, obstacle, plane.normal, Budget(LARGEST_EFFORT))
         except ValueError as error:  # a touch between samples, or more effort than for a shorter one
@@ -167,14 +173,14 @@ def _longest(
 
 
 def _candidates(
-    pieces: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim, begin: fmpq, duration: fmpq
-) -> Iterator[tuple[fmpq, _View]]:
-    """Ends up to which one direction keeps its share of the clearance: the farthest one first, then by half as far."""
+    along: Samples, shadow: Shadow, obstacle: ObstacleClaim, begin: fmpq, duration: fmpq
+) -> Iterator[tuple[fmpq, float]]:
+    """Ends up to which a direction keeps its share of the clearance: the farthest one first, then by half as far."""
 
-    def seen(length: float) -> tuple[fmpq, _View] | None:
+    def seen(length: float) -> tuple[fmpq, float] | None:
         end = _end(begin, length, duration)
-        view = _view(between(pieces, begin, end), pose, shadow, obstacle)
-        return (end, view) if view.own > 0 and view.shared >= SHARE * view.own else None
+        own, shared, angle = _view(along.between(float(begin), float(end)), shadow, obstacle)
+        return (end, angle) if own > 0 and shared >= SHARE * own else None
 
     whole = length = float(duration - begin)
     shortest = min(SHORTEST * float(duration), whole)
@@ -209,24 +215,23 @@ def _short(angle: float) -> tuple[fmpq, fmpq]:
     return fmpq(entries[0] // divisor), fmpq(entries[1] // divisor)
 
 
-def _view(stretch: Sequence[Piece], pose: ExactPose, shadow: Shadow, obstacle: ObstacleClaim) -> _View:
-    """What samples of a stretch tell that starts at the pose."""
-    begin = stretch[0].theta
-    segment = _segment(stretch, pose)
-    theta = np.linspace(0.0, segment.duration, SAMPLES)
-    poses = segment.poses(theta)
-    level = np.asarray(template_named(shadow.level.name).level(float(shadow.level.rate), float(begin) + theta))
+def _view(along: Samples, shadow: Shadow, obstacle: ObstacleClaim) -> tuple[float, float, float]:
+    """Clearances (m) that samples of a stretch tell, without the higher orders of the body's turn.
+
+    The least over θ of what each θ has along its own best direction; the least along the one direction that is best for
+    all; and that direction (rad).
+    """
+    level = along.level(shadow)
     fan = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
-    table = _clearances(fan, poses, level, shadow, obstacle)
-    own = table.max(axis=0)
-    worst = int(np.argmin(own))
+    table = _clearances(fan, along.poses, level, shadow, obstacle)
+    own = table.max(axis=0).min()
     for _ in range(NARROWINGS):
         width = fan[1] - fan[0]
         fan = fan[np.argmax(table.min(axis=1))] + np.linspace(-width, width, NARROW_DIRECTIONS)
-        table = _clearances(fan, poses, level, shadow, obstacle)
+        table = _clearances(fan, along.poses, level, shadow, obstacle)
     shared = table.min(axis=1)
     best = int(np.argmax(shared))
-    return _View(float(own[worst]), float(begin) + float(theta[worst]), float(shared[best]), float(fan[best]))
+    return float(own), float(shared[best]), float(fan[best])
 
 
 def _clearances(

@@ -113,6 +113,13 @@ class Shadow:
         """C⁻¹."""
         return fmpq_mat([list(row) for row in self.shape]).inv()
 
+    def around(self, level: fmpq) -> arb:
+        """How far (m) the disc's centre is from the reference at most, where ρ is at most `level`.
+
+        x_R² ≤ ρ (C⁻¹)_xx and y_R² ≤ ρ (C⁻¹)_yy, whatever the headings are.
+        """
+        return arb(level * (self.inverse[1, 1] + self.inverse[2, 2])).sqrt() + abs(self.disc.offset)
+
     def check_end(self, duration: fmpq) -> None:
         """Raises ValueError for a funnel that is empty before θ = duration (s): ρ is monotone and starts at one."""
         if not self.level.series(arb(duration), TERMS)[0] > 0:
@@ -221,9 +228,12 @@ class _Separation:
 
     def after(self, piece: Piece, pose: ExactPose, halvings: int) -> ExactPose:
         """The pose where the piece ends that starts at `pose`; all along it the claim is proven."""
-        self.budget.spend(STRETCH_EFFORT + len(piece.turn_rate) ** 2 + len(piece.speed) ** 2)
+        self.budget.spend(len(piece.turn_rate) ** 2 + len(piece.speed) ** 2)
+        if self._is_far(piece, pose):
+            return pose.after(piece)
+        self.budget.spend(STRETCH_EFFORT)
         half = piece.duration / 2
-        first, second = piece.split([half])
+        first, second = piece.halves
         if _is_short(piece):
             middle = pose.after(first)
             (value, slope, _), bend = self.shadow.reach(self.normal, piece, pose.heading, arb(half))
@@ -237,6 +247,13 @@ class _Separation:
         if not halvings:
             raise ValueError(_unproven(piece.theta))
         return self.after(second, self.after(first, pose, halvings - 1), halvings - 1)
+
+    def _is_far(self, piece: Piece, pose: ExactPose) -> bool:
+        """Whether the claim holds wherever the piece leads, for the disc gets no further than this from its start."""
+        way = max(map(abs, bernstein(piece.speed, piece.duration))) * piece.duration
+        level = self.shadow.level.extent((piece.theta, piece.theta + piece.duration))[1]
+        reach = abs(self.normal) * (way + self.shadow.around(level))
+        return (self.normal.conjugate() * pose.position).real + reach < self.limit
 
 
 def _unproven(theta: fmpq) -> str:

@@ -81,6 +81,12 @@ class Piece:
         return evaluate(self.speed, self.duration)
 
     @cached_property
+    def halves(self) -> tuple["Piece", "Piece"]:
+        """Its two halves, which keep what is computed of them."""
+        first, second = self.split([self.duration / 2])
+        return first, second
+
+    @cached_property
     def turn(self) -> fmpq:
         """By how much the heading changes, in rad."""
         return evaluate(integral(self.turn_rate), self.duration)

@@ -247,7 +247,8 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
     # at the slowest timing; each leg ends within a step of its own
     limit = int(np.ceil(np.diff(end, prepend=0.0) / step / problem.inputs[0].lower + 1).sum()) + 1
     every = math.ceil(limit / MOST_ROWS)
-    starts = sample_starts(jax.random.key(seed), problem.inlet, cars)
+    # an array that did not fit says so here; NumPy would end the process
+    starts = jax.block_until_ready(sample_starts(jax.random.key(seed), problem.inlet, cars))
     program = traced(drive, problem.vehicle, template, law, MOST_ROWS + 1, max(1, cars // RECORDED))
     shares = 2 if cars >= SHARED and cars % 2 == 0 else 1
     return _Asked(

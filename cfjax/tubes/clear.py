@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Bool
 
-from cfjax.certificate.clearance import NotClear, find_clearance, least_clearances, poses_along
+from cfjax.certificate.clearance import NotClear, find_clearance, least_clearances, samples_along
 from cfjax.check.certified import CertifiedTube
 from cfjax.check.clearance import Shadow
 from cfjax.check.handover import Run
@@ -46,12 +46,12 @@ def choose_clear(
         except ValueError as error:
             beside = "" if obstacle is None else f", where obstacle {obstacle} leaves room"
             raise InTheWay(f"{error}{beside}") from None
-        runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
+        spans = [Run(begin, end, tubes[index]).span(reference) for begin, end, index in chain]
         try:
-            return chain, find_clearance(surroundings, [run.span(reference) for run in runs])
+            return chain, find_clearance(surroundings, spans)
         except NotClear as error:
             begin, _, tube = chain[error.span]
-            begins = [float(piece.theta) for piece in runs[error.span].span(reference).pieces]
+            begins = [float(piece.theta) for piece in spans[error.span].pieces]
             holds[tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1] = False
             obstacle = error.obstacle
             _require_way(reference, holds, obstacle)
@@ -63,12 +63,11 @@ def _clear_places(
     """Where each tube holds the path and, as far as samples tell, the body is clear."""
     holds = holds.copy()
     whole = [Run(0, len(reference.pieces), tube).span(reference) for tube in tubes]
-    _, poses = poses_along(whole[0].pieces, reference.start, SAMPLES)
-    level = np.ones(len(poses))
+    along = samples_along(whole[0].pieces, reference.start, SAMPLES)
     for number, obstacle in enumerate(surroundings.obstacles):
         for index, span in enumerate(whole):
             for disc in surroundings.footprint:
-                found = least_clearances(poses, level, Shadow(span.shape, span.level, disc), obstacle)
+                found = least_clearances(along, Shadow(span.shape, span.level, disc), obstacle)
                 holds[index] &= found.reshape(-1, SAMPLES).min(axis=1) > 0
         _require_way(reference, holds, number)
     return holds
