@@ -28,8 +28,9 @@ from cfjax.certificate.writing import dump, seal, write_decrease, write_funnel, 
 from cfjax.check import Outcome, check_document
 from cfjax.check.bounds import Bounds
 from cfjax.check.containment import broken_containments
-from cfjax.check.document import MOST_GRAM_ENTRIES, ProblemClaim, read_problem
+from cfjax.check.document import ProblemClaim, read_problem
 from cfjax.check.graph import Graph
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.meaning import require_meaning
 from cfjax.check.proof import broken_link, links, spans_of
 from cfjax.check.rational import float_below

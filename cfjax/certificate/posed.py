@@ -13,7 +13,7 @@ from cfjax.certificate.plan import CELLS
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, round_funnel
 from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import MOST_GRAM_ENTRIES
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure
 from cfjax.check.symbolic import symbolic

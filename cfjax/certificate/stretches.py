@@ -24,9 +24,10 @@ from cfjax.certificate.trace import dynamics_of
 from cfjax.certificate.writing import write_stretch
 from cfjax.check.bounds import Bounds, Extreme, Range, place_of
 from cfjax.check.decrease import Cell, SteadyDecrease
-from cfjax.check.document import MOST_MONOMIALS, CellKey, FunnelClaim, SegmentClaim
+from cfjax.check.document import FunnelClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.graph import Graph
+from cfjax.check.hints import MOST_MONOMIALS, CellKey
 from cfjax.check.level import LEVELS, Level
 from cfjax.check.piece import Piece, between
 from cfjax.check.program import Matrix

@@ -11,7 +11,8 @@ from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
 from cfjax.certificate.stretches import Means, Prover, StretchProof, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
-from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
+from cfjax.check.document import read_problem
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Stretch

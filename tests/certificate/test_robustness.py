@@ -24,10 +24,11 @@ from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
 from cfjax.check import Outcome, check_document
 from cfjax.check.amounts import Absorbed, Rates, Robustness, kept_level
-from cfjax.check.document import Room, SegmentClaim, document_hash, read_problem
+from cfjax.check.document import SegmentClaim, document_hash, read_problem
 from cfjax.check.enclosure import Budget, Enclosure
 from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
 from cfjax.check.held_hints import read_stretch
+from cfjax.check.hints import Room
 from cfjax.check.proof import LegClaim
 from cfjax.check.rational import rational
 from cfjax.check.reader import Item

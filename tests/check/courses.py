@@ -16,7 +16,8 @@ from cfjax.certificate.stretches import Means, Prover, RoundedFunnel, Stretch, r
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_decrease, write_funnel, write_problem
 from cfjax.check.bounds import Bounds
-from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
+from cfjax.check.document import read_problem
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.rational import rational
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Path, Pose, Problem, Profile, Segment, ball
