@@ -13,16 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from cfjax.certificate.clearance import NotClear, find_clearance
-from cfjax.certificate.stretches import (
-    Means,
-    NotProven,
-    Progress,
-    Prover,
-    RoundedFunnel,
-    StretchProof,
-    place_on,
-    round_funnel,
-)
+from cfjax.certificate.prover import Means, NotProven, Progress, Prover, StretchProof, place_on
+from cfjax.certificate.rounding import RoundedFunnel, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_decrease, write_funnel, write_problem
 from cfjax.check import Outcome, check_document

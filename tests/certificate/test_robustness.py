@@ -18,8 +18,7 @@ from flint import fmpq
 from cfjax.certificate import certify
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.robustness import hints_for, robustness_document
-from cfjax.certificate.rounding import round_whitening
-from cfjax.certificate.stretches import round_funnel
+from cfjax.certificate.rounding import round_funnel, round_whitening
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
 from cfjax.check import Outcome, check_document
