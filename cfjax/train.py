@@ -165,7 +165,7 @@ def _main() -> int:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from cfjax.conf import hydra_overrides, one_line
+    from cfjax.conf import hydra_overrides, one_line, preset_folder
     from cfjax.errors import InputError, NotWritten
     from cfjax.report.resume import at_work, sweep_identity, sweep_name
 
@@ -195,7 +195,7 @@ def _main() -> int:
     begun: list[bool] = []
     command = os.getpid()  # a job may run in a worker, which has another one
 
-    @hydra.main(config_path="pkg://cfjax.conf", config_name="train", version_base="1.3")
+    @hydra.main(config_path=str(preset_folder()), config_name="train", version_base="1.3")
     def job(node: "DictConfig") -> None:
         begun.append(True)
         try:

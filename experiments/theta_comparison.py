@@ -18,8 +18,8 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax import Interval, KinematicBicycle
 from cfjax.certificate.program import coefficients, program_of
-from cfjax.certificate.rounding import dyadic
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
+from cfjax.certificate.rounding import dyadic, round_funnel
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on
 from cfjax.certificate.trace import trace_deviation
 from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease

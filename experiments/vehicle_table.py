@@ -13,7 +13,7 @@ from pathlib import Path
 
 from cfjax import InputError, Options, Vehicle
 from cfjax.certificate import robustness_of
-from cfjax.certificate.stretches import NotProven
+from cfjax.certificate.prover import NotProven
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken
 from cfjax.check.replay import check_document, check_robustness

@@ -13,23 +13,16 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from cfjax.certificate.clearance import NotClear, find_clearance
-from cfjax.certificate.stretches import (
-    Means,
-    NotProven,
-    Progress,
-    Prover,
-    RoundedFunnel,
-    StretchProof,
-    place_on,
-    round_funnel,
-)
+from cfjax.certificate.prover import Means, NotProven, Progress, Prover, StretchProof, place_on
+from cfjax.certificate.rounding import RoundedFunnel, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_decrease, write_funnel, write_problem
 from cfjax.check import Outcome, check_document
 from cfjax.check.bounds import Bounds
 from cfjax.check.containment import broken_containments
-from cfjax.check.document import MOST_GRAM_ENTRIES, ProblemClaim, read_problem
+from cfjax.check.document import ProblemClaim, read_problem
 from cfjax.check.graph import Graph
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.meaning import require_meaning
 from cfjax.check.proof import broken_link, links, spans_of
 from cfjax.check.rational import float_below

@@ -10,10 +10,11 @@ from flint import fmpq
 
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.plan import CELLS
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, round_funnel
+from cfjax.certificate.rounding import round_funnel
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of
 from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import MOST_GRAM_ENTRIES
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure
 from cfjax.check.symbolic import symbolic

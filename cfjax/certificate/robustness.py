@@ -16,8 +16,8 @@ from cfjax.certificate.amounts import entries_of, largest_amounts, write_amounts
 from cfjax.certificate.bounds import bounds_along
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.program import program_of, prove, solved
+from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import round_whitening
-from cfjax.certificate.stretches import NotProven
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
 from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds

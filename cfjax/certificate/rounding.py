@@ -1,18 +1,39 @@
 """From floating-point hints to short rationals: funnel, whitening, Gram matrices."""
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import fmpq
 from jaxtyping import Float
 
+from cfjax.check.document import FunnelClaim
+from cfjax.check.level import LEVELS, Level
 from cfjax.check.program import Gram, Matrix
+from cfjax.check.rational import rational
+from cfjax.funnel import Funnel
+from cfjax.problem import Segment, Tube
 
 
 FUNNEL_BITS = 30  # C is rounded to 2^-30 of its smallest eigenvalue, the rate to 2^-30 of itself: 1e-9
 WHITENING_BITS = 14  # W is a change of coordinates, any nonsingular one is right; a short one keeps numbers short
 GRAM_BITS = 26  # below the largest entry; what rounding leaves over costs some parts in 1e6 of the margin
 MANTISSA_BITS = 53
+
+
+@dataclass(frozen=True)
+class RoundedFunnel:
+    """A funnel whose numbers are short rationals and floating-point numbers at once."""
+
+    funnel: Funnel
+    level: Level
+    shape: Matrix
+    beta_lower: fmpq
+    beta_inner: fmpq
+
+    def claim(self, margin: fmpq = fmpq(0), margin_per_metre: fmpq | None = None) -> FunnelClaim:
+        """What a file says of it; with a margin of 0 all but its margin."""
+        return FunnelClaim(self.level, self.shape, self.beta_lower, self.beta_inner, margin, margin_per_metre)
 
 
 def exact(value: float) -> fmpq:
@@ -42,6 +63,19 @@ def round_shape(shape: Float[np.ndarray, "n n"]) -> Matrix:
 def round_rate(rate: float) -> fmpq:
     """c0 or k likewise."""
     return dyadic(rate, FUNNEL_BITS - math.floor(math.log2(abs(rate)))) if rate else fmpq(0)
+
+
+def round_funnel(funnel: Funnel, segment: Segment | Tube) -> RoundedFunnel:
+    """C and rate moved by about a part in 1e9; the duration is the segment's."""
+    shape, rate = round_shape(funnel.shape), round_rate(funnel.rate)
+    same = replace(
+        funnel,
+        shape=np.array([[float(entry) for entry in row] for row in shape]),
+        rate=float(rate),
+        duration=segment.duration,
+    )
+    level = LEVELS[funnel.template.name](rate)
+    return RoundedFunnel(same, level, shape, rational(float(funnel.beta_lower)), rational(float(funnel.inner)))
 
 
 def round_whitening(shape: Float[np.ndarray, "n n"]) -> Matrix:

@@ -8,9 +8,10 @@ from flint import fmpq
 
 from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import FORMAT, VERSION, CellKey, FunnelClaim, document_hash
+from cfjax.check.document import FORMAT, VERSION, FunnelClaim, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
 from cfjax.check.graph import Graph, Node
+from cfjax.check.hints import CellKey
 from cfjax.check.meaning import closes
 from cfjax.check.piece import Piece
 from cfjax.check.program import Gram

@@ -13,8 +13,11 @@ from typing import NamedTuple
 from flint import fmpq
 
 from cfjax.check.rational import about
+from cfjax.check.reader import Item
 
 
+BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate"
+MOST_EXTREMES = 16  # references of a stretch: ends of curvature and its rate, speed, acceleration
 Range = tuple[fmpq, fmpq]
 
 
@@ -122,3 +125,31 @@ def place_of(extremes: Sequence[Extreme], index: int) -> str:
             else ""
         )
     )
+
+
+def read_bounds(item: Item) -> Bounds:
+    """Intervals of curvature (1/m), speed (m/s) and acceleration (m/s²).
+
+    Raises:
+        Unreadable: says what was expected where.
+    """
+    return _bounds(item.record(*BOUNDS))
+
+
+def read_stretch_bounds(item: Item) -> Bounds:
+    """The same of a stretch of path, and the rate of its curvature, 1/(m s), where that is bounded."""
+    if isinstance(item.value, dict) and CURVATURE_RATE in item.value:
+        return _bounds(item.record(*BOUNDS, CURVATURE_RATE))
+    return read_bounds(item)
+
+
+def _bounds(entries: Sequence[Item]) -> Bounds:
+    found: list[Range] = []
+    for entry in entries:
+        lower, upper = (end.rational() for end in entry.items(2, 2))
+        if lower > upper:
+            entry.refuse("an interval, lower end first")
+        found.append((lower, upper))
+    if not found[BOUNDS.index("speed")][0] > 0:
+        entries[BOUNDS.index("speed")].refuse("speeds above zero")
+    return Bounds(**dict(zip((*BOUNDS, CURVATURE_RATE), found, strict=False)))

@@ -21,13 +21,13 @@ from cfjax.check.document import (
     FORMAT,
     MOST_PARAMETERS,
     MOST_PIECES,
-    MOST_STATES,
     VERSION,
     VehicleClaim,
     document_hash,
     read_claims,
     read_reference,
 )
+from cfjax.check.graph import MOST_STATES
 from cfjax.check.handover import ProvenLink, Run, prove_chain
 from cfjax.check.level import STILL
 from cfjax.check.meaning import require_body, require_path

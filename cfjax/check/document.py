@@ -1,4 +1,4 @@
-"""certificate.json as typed claims: what the file states, and the hints with which it says that this can be proven.
+"""certificate.json as typed claims: what the file states, with the hints (`cfjax.check.hints`) that it comes with.
 
 `docs/certificate-format.md` describes the format. Reading checks shapes, sizes and that numbers are exact; whether
 anything stated is true is not decided here (`cfjax.check.replay`).
@@ -7,19 +7,19 @@ anything stated is true is not decided here (`cfjax.check.replay`).
 import hashlib
 import itertools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import comb
 
 from flint import acb, arb, fmpq
 
-from cfjax.check.bounds import Bounds, Range
+from cfjax.check.bounds import MOST_EXTREMES, Bounds, read_bounds
 from cfjax.check.containment import Asked
-from cfjax.check.graph import ARITY, Graph, Node
+from cfjax.check.graph import ARITY, MOST_INPUTS, MOST_NODES, MOST_STATES, Graph, Node
+from cfjax.check.hints import MOST_GRAM_ENTRIES, DecreaseHints, Room, read_decrease
 from cfjax.check.level import LEVELS, Level
 from cfjax.check.piece import Piece, are_steady
 from cfjax.check.polynomial import Coefficients
-from cfjax.check.program import Gram, Matrix
+from cfjax.check.program import Matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.reference import ExactPose, Reference
@@ -29,28 +29,12 @@ from cfjax.check.surroundings import Clearance, Surroundings, read_clearance, re
 FORMAT = "cfjax-certificate"
 VERSION = 3
 CLAIMS = ("funnel", "refutation")
-BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate"
 PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
-MOST_STATES = 6
 MOST_PARAMETERS = 32  # of a vehicle
-MOST_INPUTS = 4  # u0 among them
-MOST_NODES = 400
-MOST_FUNCTIONS = 32  # nodes that apply sin, cos, …
-MOST_MONOMIALS = 128  # rows of a Gram matrix
-MOST_EXTREMES = 16  # references of a stretch: ends of curvature and its rate, speed, acceleration
-MOST_CELLS = 32 * MOST_EXTREMES  # of a stretch: two pieces, sixteen patterns of the signs of four inputs
-MOST_STRETCHES = 64  # of one funnel's proof
-MOST_GRAM_ENTRIES = 1_500_000  # of the whole file; a circle's takes about 20 000
 MOST_PIECES = 4096  # of a path: a lap of a race track for a car of full size
 LONGEST = 600  # bits of a path's coefficient; exact sums along a path take some hundred
 LONGEST_SUM = 8 * LONGEST  # bits of θ and arc length
-MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
 MOST_POWERS = 8  # of a path's polynomials
-LARGEST_GRAM_ENTRY = 2**64  # a circle's reach 2^36
-
-
-UnaryHint = tuple[str, tuple[fmpq, ...], fmpq, fmpq, fmpq]  # function, coefficients, lower, upper, bound
-CellKey = tuple[int, int, tuple[int, ...]]  # reference, piece, signs
 
 
 @dataclass(frozen=True)
@@ -151,29 +135,6 @@ class FunnelClaim:
 
 
 @dataclass(frozen=True)
-class StretchHints:
-    """A stretch of θ that ends at `end` (s), bounds of its references, and what the prover found there.
-
-    `enclosures` gives (function, coefficients, lower, upper, bound) by node, `cells` (margin, Gram matrices) by
-    extreme reference, level piece and signs. Nothing of it is believed.
-    """
-
-    end: fmpq
-    bounds: Bounds
-    whitening: Matrix
-    enclosures: Mapping[int, UnaryHint]
-    cells: Mapping[CellKey, tuple[fmpq, tuple[Gram, ...]]]
-
-
-@dataclass(frozen=True)
-class DecreaseHints:
-    """What the prover found for condition (d) along one segment or tube; `degrees` are those of the Gram matrices."""
-
-    degrees: tuple[int, ...]
-    stretches: tuple[StretchHints, ...]
-
-
-@dataclass(frozen=True)
 class Witness:
     """A deviation x at θ (s) at which a candidate violates a condition (a, b, c or d); of a tube, at a reference."""
 
@@ -216,8 +177,8 @@ def read_certificate(document: object, skip_hash: bool = False) -> Certificate:
     if last.where == WITNESS:
         return Certificate(problem, funnels, (), (), _witness(last, problem))
     proofs, clearance = last.record("decrease", "clearance")
-    room = Room(MOST_GRAM_ENTRIES)
-    hints = tuple(_decrease_hints(item, problem, room) for item in proofs.items(len(funnels), len(funnels)))
+    room, states = Room(MOST_GRAM_ENTRIES), len(problem.vehicle.states)
+    hints = tuple(read_decrease(item, states, room) for item in proofs.items(len(funnels), len(funnels)))
     spans = 0 if isinstance(problem.course, Bounds) else len(problem.course.segments)
     return Certificate(problem, funnels, hints, read_clearance(clearance, problem.surroundings, spans), None)
 
@@ -381,30 +342,6 @@ def _powers(item: Item) -> Coefficients:
     return found
 
 
-def read_bounds(item: Item) -> Bounds:
-    """Intervals of curvature (1/m), speed (m/s) and acceleration (m/s²)."""
-    return _bounds(item.record(*BOUNDS))
-
-
-def _stretch_bounds(item: Item) -> Bounds:
-    """The same of a stretch of path, and the rate of its curvature, 1/(m s), where that is bounded."""
-    if isinstance(item.value, dict) and CURVATURE_RATE in item.value:
-        return _bounds(item.record(*BOUNDS, CURVATURE_RATE))
-    return read_bounds(item)
-
-
-def _bounds(entries: Sequence[Item]) -> Bounds:
-    found: list[Range] = []
-    for entry in entries:
-        lower, upper = (end.rational() for end in entry.items(2, 2))
-        if lower > upper:
-            entry.refuse("an interval, lower end first")
-        found.append((lower, upper))
-    if not found[BOUNDS.index("speed")][0] > 0:
-        entries[BOUNDS.index("speed")].refuse("speeds above zero")
-    return Bounds(**dict(zip((*BOUNDS, CURVATURE_RATE), found, strict=False)))
-
-
 def _funnel(item: Item, size: int) -> FunnelClaim:
     template, shape, rate, beta, beta_lower, beta_inner, margin, per_metre = item.record(
         "template", "shape", "rate", "beta", "beta_lower", "beta_inner", "margin", "margin_per_metre"
@@ -448,71 +385,3 @@ def _witness(item: Item, problem: ProblemClaim) -> Witness:
         reference=reference.integer(0, MOST_EXTREMES - 1),
         x=tuple(entry.rational() for entry in x.items(size, size)),
     )
-
-
-class Room:
-    """How many entries of Gram matrices a file may still have."""
-
-    def __init__(self, entries: int) -> None:
-        self.left = entries
-
-    def take(self, entries: int, item: Item) -> None:
-        self.left -= entries
-        if self.left < 0:
-            item.refuse(f"Gram matrices with at most {MOST_GRAM_ENTRIES} entries together")
-
-
-def _decrease_hints(item: Item, problem: ProblemClaim, room: Room) -> DecreaseHints:
-    degrees, stretches = item.record("degrees", "stretches")
-    size = len(problem.vehicle.states)
-    orders = tuple(degree.integer(0, 8) for degree in degrees.items(MOST_INPUTS + 3, 3))
-    sizes = [comb(size + degree, degree) for degree in orders]
-    if max(sizes) > MOST_MONOMIALS:
-        degrees.refuse(f"degrees with at most {MOST_MONOMIALS} monomials")
-    found = tuple(_stretch_hints(stretch, size, sizes, room) for stretch in stretches.items(MOST_STRETCHES))
-    return DecreaseHints(orders, found)
-
-
-def _stretch_hints(item: Item, size: int, sizes: list[int], room: Room) -> StretchHints:
-    end, bounds, whitening, enclosures, cells = item.record("end", "bounds", "whitening", "enclosures", "cells")
-    by_node, by_cell = {}, {}
-    for entry in enclosures.items(MOST_FUNCTIONS, least=0):
-        node, hint = read_unary(entry)
-        if node in by_node:
-            entry.refuse("each node once")
-        by_node[node] = hint
-    entries = cells.items(MOST_CELLS)
-    room.take(len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes), cells)
-    for entry in entries:
-        reference, piece, signs, margin, grams = entry.record("reference", "piece", "signs", "margin", "grams")
-        key = (
-            reference.integer(0, MOST_EXTREMES - 1),
-            piece.integer(0, MOST_CELLS),
-            tuple(sign.integer(-1, 1) for sign in signs.items(MOST_INPUTS, least=0)),
-        )
-        if key in by_cell:
-            entry.refuse("each cell once")
-        tables = grams.items(len(sizes), len(sizes))
-        by_cell[key] = (
-            margin.rational(),
-            tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
-        )
-    rows = [[entry.rational() for entry in row.items(size, size)] for row in whitening.items(size, size)]
-    return StretchHints(end.rational(), _stretch_bounds(bounds), rows, by_node, by_cell)
-
-
-def read_unary(item: Item) -> tuple[int, UnaryHint]:
-    """A node of the graph, and what is said of the function that it applies: (function, coefficients, range, bound)."""
-    node, function, coefficients, lower, upper, bound = item.record(
-        "node", "function", "coefficients", "lower", "upper", "bound"
-    )
-    powers = tuple(value.rational() for value in coefficients.items(MOST_COEFFICIENTS))
-    hint = function.text(), powers, lower.rational(), upper.rational(), bound.rational()
-    return node.integer(0, MOST_NODES), hint
-
-
-def read_gram(item: Item, size: int) -> Gram:
-    """Whole numbers over a common power of two."""
-    exponent, lower = item.record("exponent", "lower")
-    entries = lower.integers(size * (size + 1) // 2, -LARGEST_GRAM_ENTRY, LARGEST_GRAM_ENTRY)
-    return Gram(exponent.integer(0, 200), entries)

@@ -20,6 +20,11 @@ ARITHMETIC: dict[str, Callable[..., Any]] = {
 }
 UNARY_FUNCTIONS = ("sin", "cos", "tan", "sqrt", "inv")  # inv(t) = 1/t
 ARITY = {"input": 0, "constant": 0, "add": 2, "sub": 2, "mul": 2, "neg": 1} | dict.fromkeys(UNARY_FUNCTIONS, 1)
+# of the dynamics that a file holds
+MOST_STATES = 6
+MOST_INPUTS = 4  # u0 among them
+MOST_NODES = 400
+MOST_FUNCTIONS = 32  # nodes that apply sin, cos, …
 
 
 @dataclass(frozen=True)

@@ -8,21 +8,18 @@ from typing import Any, NamedTuple
 from flint import fmpq
 
 from cfjax.check.amounts import Absorbed, Stated
-from cfjax.check.bounds import Bounds
-from cfjax.check.document import (
-    FORMAT,
-    MOST_FUNCTIONS,
+from cfjax.check.bounds import Bounds, read_bounds
+from cfjax.check.document import FORMAT, VERSION, document_hash
+from cfjax.check.held import ORDERS
+from cfjax.check.hints import (
     MOST_GRAM_ENTRIES,
     MOST_STRETCHES,
-    VERSION,
+    EnclosureHints,
     Room,
-    UnaryHint,
-    document_hash,
-    read_bounds,
+    read_enclosures,
     read_gram,
-    read_unary,
+    read_matrix,
 )
-from cfjax.check.held import ORDERS
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Broken, Item, Unreadable
 
@@ -31,16 +28,14 @@ CLAIM = "robustness"
 DEGREES = (2, 1)  # of the monomials in Gram matrices: of the free square, and of the ranges of levels
 MOST_VERTICES = 256  # eight parameters that vary
 
-Unary = Mapping[int, UnaryHint]
-
 
 @dataclass(frozen=True)
 class PieceHints:
     """For one range of levels of a stretch; `cells` by order and vertex: margin and Gram matrices."""
 
     whitening: Matrix
-    enclosures: Unary
-    derivatives: Unary
+    enclosures: EnclosureHints
+    derivatives: EnclosureHints
     cells: Mapping[tuple[int, int], tuple[fmpq, tuple[Gram, ...]]]
 
 
@@ -168,15 +163,5 @@ def _piece(item: Item, states: int, room: Room) -> PieceHints:
             margin.rational(),
             tuple(read_gram(table, size) for table, size in zip(tables, rows, strict=False)),
         )
-    whitened = [[entry.rational() for entry in row.items(states, states)] for row in whitening.items(states, states)]
-    return PieceHints(whitened, _unary(enclosures), _unary(derivatives), by_cell)
-
-
-def _unary(item: Item) -> Unary:
-    found = {}
-    for entry in item.items(MOST_FUNCTIONS, least=0):
-        node, hint = read_unary(entry)
-        if node in found:
-            entry.refuse("each node once")
-        found[node] = hint
-    return found
+    whitened = read_matrix(whitening, states)
+    return PieceHints(whitened, read_enclosures(enclosures), read_enclosures(derivatives), by_cell)

@@ -20,17 +20,14 @@ from cfjax.check.bounds import Bounds, Extreme, place_of
 from cfjax.check.containment import broken_containments
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import (
-    CellKey,
     Certificate,
     Course,
-    DecreaseHints,
     FunnelClaim,
     ProblemClaim,
     SegmentClaim,
-    StretchHints,
-    UnaryHint,
 )
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
+from cfjax.check.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
 from cfjax.check.meaning import require_meaning
 from cfjax.check.piece import between, turning_jumps
 from cfjax.check.program import CellProof
@@ -264,7 +261,7 @@ def _prove_stretch(
     effort.spend(sum(LARGEST_EFFORT - question.domain.budget.left for question in questions))
 
 
-def prove_enclosures(hints: Mapping[int, UnaryHint], functions: Mapping[int, str], effort: Budget) -> Enclosures:
+def prove_enclosures(hints: EnclosureHints, functions: Mapping[int, str], effort: Budget) -> Enclosures:
     """The enclosures of the file, proven; one for each node of the graph that applies a function, of that function.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Configuration: schemas (`schema.py`), presets (the YAML files), and how they become a problem (`build.py`).
+"""Configuration: schemas (`schema.py`), and how presets become a problem (`build.py`).
 
-Importing the package registers the schemas with Hydra, so that presets can name them. The folder lies inside the
-package so that the presets travel with it.
+The presets are the YAML files of `preset_folder()`. Importing the package registers the schemas with Hydra, so that
+presets can name them.
 """
 
 from hydra.core.config_store import ConfigStore
@@ -11,6 +11,7 @@ from cfjax.conf.build import (
     config_of,
     options_of,
     preset,
+    preset_folder,
     preset_names,
     problem_of,
     typed,
@@ -34,6 +35,7 @@ __all__ = [
     "options_of",
     "own_vehicle",
     "preset",
+    "preset_folder",
     "preset_names",
     "problem_of",
     "typed",

@@ -5,10 +5,9 @@ import dataclasses
 import os
 import pathlib
 from collections.abc import Iterator, Sequence
-from importlib import resources
 from typing import Any
 
-from hydra import compose, initialize_config_module
+from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -61,10 +60,16 @@ def typed(node: DictConfig) -> Config:
     return config
 
 
+def preset_folder() -> pathlib.Path:
+    """Where the YAML of the presets lies: `conf/` beside the package; a wheel carries it inside, as `conf/presets/`."""
+    room = pathlib.Path(__file__).resolve().parent
+    carried = room / "presets"  # looked for first: what lies beside an installed package belongs to others
+    return carried if carried.is_dir() else room.parents[1] / "conf"
+
+
 def preset_names() -> list[str]:
     """The paths that come with the package."""
-    presets = resources.files("cfjax.conf") / "path"
-    return sorted(entry.name.removesuffix(".yaml") for entry in presets.iterdir() if entry.name.endswith(".yaml"))
+    return sorted(file.stem for file in (preset_folder() / "path").glob("*.yaml"))
 
 
 def preset(name: str, overrides: Sequence[str] = ()) -> Config:
@@ -77,7 +82,7 @@ def preset(name: str, overrides: Sequence[str] = ()) -> Config:
         raise InputError(f"path: expected one of {', '.join(preset_names())}, got {name}")
     given = hydra_overrides([f"+path={name}", *overrides], sweep=False)
     try:
-        with initialize_config_module("cfjax.conf", version_base="1.3"):
+        with initialize_config_dir(str(preset_folder()), version_base="1.3"):
             return typed(compose("train", given))
     except (HydraException, OmegaConfBaseException) as error:
         raise InputError(one_line(error)) from error

@@ -8,10 +8,12 @@ import pytest
 
 from cfjax.certificate import certify
 from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
-from cfjax.certificate.stretches import Means, Prover, StretchProof, round_funnel
+from cfjax.certificate.prover import Means, Prover, StretchProof
+from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
-from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
+from cfjax.check.document import read_problem
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Stretch
@@ -185,7 +187,7 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
     def never(*_: object) -> StretchProof:
         raise AssertionError("asked too much")
 
-    monkeypatch.setattr("cfjax.certificate.stretches.plan", planned)
+    monkeypatch.setattr("cfjax.certificate.prover.plan", planned)
     monkeypatch.setattr(Prover, "prove", never)
     rounded, graph = round_funnel(funnel, varying), trace_deviation(problem.vehicle)
     (claim,) = read_problem(write_problem(problem, graph)).distinct

@@ -9,7 +9,7 @@ import pytest
 
 from cfjax import synthesis
 from cfjax.certificate import Certification, posed, require_posable, statement_of
-from cfjax.certificate.stretches import NotProven, _not_possible
+from cfjax.certificate.prover import NotProven, _not_possible
 from cfjax.check.enclosure import Budget, TooLarge
 from cfjax.check.reader import Broken
 from cfjax.errors import InputError

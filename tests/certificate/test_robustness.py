@@ -18,16 +18,16 @@ from flint import fmpq
 from cfjax.certificate import certify
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.robustness import hints_for, robustness_document
-from cfjax.certificate.rounding import round_whitening
-from cfjax.certificate.stretches import round_funnel
+from cfjax.certificate.rounding import round_funnel, round_whitening
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_problem
 from cfjax.check import Outcome, check_document
 from cfjax.check.amounts import Absorbed, Rates, Robustness, kept_level
-from cfjax.check.document import Room, SegmentClaim, document_hash, read_problem
+from cfjax.check.document import SegmentClaim, document_hash, read_problem
 from cfjax.check.enclosure import Budget, Enclosure
 from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
 from cfjax.check.held_hints import read_stretch
+from cfjax.check.hints import Room
 from cfjax.check.proof import LegClaim
 from cfjax.check.rational import rational
 from cfjax.check.reader import Item

@@ -10,8 +10,9 @@ from flint import fmpq
 import cfjax.synthesis
 from cfjax.certificate import certify, program, proof_size, require_room, statement_of
 from cfjax.certificate.program import program_of
+from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.size import GB, ProofSize
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on
 from cfjax.check import enclosure
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, round_funnel
+from cfjax.certificate.rounding import round_funnel
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on
 from cfjax.certificate.trace import PROFILE_INPUTS, trace_deviation
 from cfjax.errors import InputError
 from cfjax.exact import exact_course

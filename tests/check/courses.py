@@ -12,11 +12,14 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.certificate.certifier import _prove_sets
-from cfjax.certificate.stretches import Means, Prover, RoundedFunnel, Stretch, round_funnel
+from cfjax.certificate.prover import Means, Prover
+from cfjax.certificate.rounding import RoundedFunnel, round_funnel
+from cfjax.certificate.stretches import Stretch
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_decrease, write_funnel, write_problem
 from cfjax.check.bounds import Bounds
-from cfjax.check.document import MOST_GRAM_ENTRIES, read_problem
+from cfjax.check.document import read_problem
+from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.rational import rational
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Path, Pose, Problem, Profile, Segment, ball

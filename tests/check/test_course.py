@@ -12,7 +12,7 @@ import pytest
 from flint import fmpq
 
 from cfjax.certificate import dump
-from cfjax.certificate.stretches import round_funnel
+from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_funnel, write_problem, write_witness
 from cfjax.check import Outcome, check_document

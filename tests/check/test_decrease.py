@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.certificate.stretches import bounded, decreases_on, round_funnel
+from cfjax.certificate.rounding import round_funnel
+from cfjax.certificate.stretches import bounded, decreases_on
 from cfjax.certificate.trace import trace_deviation
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.level import LEVELS, Contracting, Paper

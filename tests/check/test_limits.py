@@ -10,8 +10,9 @@ import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
 from cfjax.check import Outcome, check_document, proof
-from cfjax.check.document import MOST_CELLS, MOST_PIECES
+from cfjax.check.document import MOST_PIECES
 from cfjax.check.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
+from cfjax.check.hints import MOST_CELLS
 
 
 Document = dict[str, Any]

@@ -1,6 +1,7 @@
 """Every preset composes, builds its problem, and means what DESIGN promises."""
 
 import inspect
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 import yaml
 from scipy.special import ellipe, gamma
 
-from cfjax.conf import config_of, options_of, preset, preset_names, problem_of, yaml_of
+from cfjax.conf import config_of, options_of, preset, preset_folder, preset_names, problem_of, yaml_of
 from cfjax.problem import (
     Disc,
     KinematicBicycle,
@@ -51,6 +52,24 @@ MEANT = {  # segments, duration s of all, first and last position m, speed m/s, 
     "obstacle_tight": (1, 2 * WAVES["obstacle"], (-1.5, 0), (1.5, 0), 2.0, TIGHT),
 }
 SQUARE = Polygon(((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)))
+
+
+def test_a_checkout_has_its_presets_beside_the_package() -> None:
+    """Where they are in a wheel: test_wheel.py."""
+    root = Path(__file__).resolve().parents[2]
+    assert preset_folder() == root / "conf"
+    assert not list((root / "cfjax").rglob("*.yaml"))
+
+
+def test_presets_of_ones_own(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+    preset_file = tmp_path / "mine" / "path" / "bend.yaml"
+    preset_file.parent.mkdir(parents=True)
+    preset_file.write_text("# @package _global_\ndefaults: [circle]\npath: {name: bend, radius: 4.0}\n")
+    shown = command("--config-dir=mine", "+path=bend", "--cfg=job")
+    config = config_of(shown.stdout)
+    assert config == preset("circle", ["path.name=bend", "path.radius=4"])
+    mistyped = command("--config-dir=mine", "+path=bent")
+    assert mistyped.returncode == 2 and "path: expected one of bend, circle, ellipse" in mistyped.stderr
 
 
 @pytest.fixture

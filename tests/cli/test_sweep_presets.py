@@ -1,17 +1,17 @@
 """Presets of sweeps: what is asked of each job, without running it."""
 
 import pytest
-from hydra import compose, initialize_config_module
+from hydra import compose, initialize_config_dir
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
-from cfjax.conf import options_of, preset, problem_of
+from cfjax.conf import options_of, preset, preset_folder, problem_of
 from cfjax.question import check_question
 
 
 def _jobs(name: str, *given: str) -> list[list[str]]:
-    with initialize_config_module("cfjax.conf", version_base="1.3"):
+    with initialize_config_dir(str(preset_folder()), version_base="1.3"):
         params = compose("train", [f"experiment={name}"], return_hydra_config=True).hydra.sweeper.params
     lines = [f"{key}={value}" for key, value in OmegaConf.to_container(params).items()]  # pyright: ignore
     overrides = OverridesParser.create().parse_overrides([*lines, *given])

@@ -6,6 +6,7 @@ instead of the gigabyte that `scripts/newcomer` installs.
 
 import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -18,6 +19,7 @@ import pytest
 
 
 ROOT = Path(__file__).parents[2]
+PRESETS = "cfjax/conf/presets"  # where the wheel carries conf/
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -39,6 +41,7 @@ def command(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Command:
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(python), "install", "--quiet"]
     subprocess.run([*pip, "--no-deps", "--no-index", str(wheel)], check=True)
     (site,) = env.glob("lib/python*/site-packages")
+    (site / "conf").mkdir()  # somebody else's, beside the package: no presets of ours
     # a path in such a file is searched for packages, but not for more such files: the editable cfjax stays unseen
     (site / "pinned.pth").write_text(sysconfig.get_path("purelib") + "\n")
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
@@ -55,24 +58,26 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
         told = {name.split(".dist-info/")[1] for name in archive.namelist() if ".dist-info/" in name}
     listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "cfjax"],
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "cfjax", "conf"],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
     )
-    there = {name for name in listed.stdout.splitlines() if (ROOT / name).exists()}
+    there = {re.sub("^conf/", f"{PRESETS}/", name) for name in listed.stdout.splitlines() if (ROOT / name).exists()}
     assert held == there
     # what users were promised that travels: presets, tubes, templates of the controller
-    for name in ("conf/train.yaml", "conf/path/circle.yaml", "export/controller.c.in", "export/controller.h.in"):
-        assert f"cfjax/{name}" in held
+    templates = {f"cfjax/export/controller.{kind}.in" for kind in ("c", "h")}
+    assert {f"{PRESETS}/train.yaml", f"{PRESETS}/path/circle.yaml"} | templates <= held
     assert sum(name.startswith("cfjax/tubes/library/") for name in held) == 12
     assert told == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "licenses/LICENSE"}
 
 
 def test_the_commands_work_outside_the_checkout(command: Command) -> None:
-    where = command("python", "-c", "import cfjax, jax; print(cfjax.__file__)")
-    assert "site-packages" in where.stdout and not where.stdout.startswith(str(ROOT)), where.stdout + where.stderr
+    where = command("python", "-c", "import cfjax.conf, jax; print(cfjax.__file__, cfjax.conf.preset_folder())")
+    package, presets = map(Path, where.stdout.split())
+    assert "site-packages" in package.parts and not package.is_relative_to(ROOT)
+    assert presets == package.parent.resolve() / "conf" / "presets"
 
     # a tube that travels with the package holds the circle: nothing is learned
     question = ("+path=circle", "certificate=tube", "sets.inlet=0.2", "cars=10", "hydra.run.dir=run")

@@ -8,7 +8,8 @@ import pytest
 from flint import fmpq
 
 from cfjax.certificate import certify
-from cfjax.certificate.stretches import NotProven, Prover, Stretch, StretchProof
+from cfjax.certificate.prover import NotProven, Prover, StretchProof
+from cfjax.certificate.stretches import Stretch
 from cfjax.conf import preset, problem_of
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import FootprintDisc, Problem, ball

@@ -1,0 +1,129 @@
+"""Hints of a certificate, read: what a prover found. Shapes and sizes are checked, nothing of it is believed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import comb
+
+from flint import fmpq
+
+from cfjax.check.bounds import MOST_EXTREMES, Bounds, read_stretch_bounds
+from cfjax.check.graph import MOST_FUNCTIONS, MOST_INPUTS, MOST_NODES
+from cfjax.check.program import Gram, Matrix
+from cfjax.check.reader import Item
+
+
+MOST_STRETCHES = 64  # of one funnel's proof
+MOST_CELLS = 32 * MOST_EXTREMES  # of a stretch: two pieces, sixteen patterns of the signs of four inputs
+MOST_MONOMIALS = 128  # rows of a Gram matrix
+MOST_GRAM_ENTRIES = 1_500_000  # of the whole file; a circle's takes about 20 000
+MOST_COEFFICIENTS = 12  # of a polynomial that stands for a function
+LARGEST_GRAM_ENTRY = 2**64  # a circle's reach 2^36
+
+UnaryHint = tuple[str, tuple[fmpq, ...], fmpq, fmpq, fmpq]  # function, coefficients, lower, upper, bound
+EnclosureHints = Mapping[int, UnaryHint]  # by node of the graph
+CellKey = tuple[int, int, tuple[int, ...]]  # reference, piece, signs
+
+
+@dataclass(frozen=True)
+class StretchHints:
+    """A stretch of θ that ends at `end` (s), bounds of its references, and what the prover found there.
+
+    `cells` gives (margin, Gram matrices) by extreme reference, level piece and signs.
+    """
+
+    end: fmpq
+    bounds: Bounds
+    whitening: Matrix
+    enclosures: EnclosureHints
+    cells: Mapping[CellKey, tuple[fmpq, tuple[Gram, ...]]]
+
+
+@dataclass(frozen=True)
+class DecreaseHints:
+    """What the prover found for condition (d) along one segment or tube; `degrees` are those of the Gram matrices."""
+
+    degrees: tuple[int, ...]
+    stretches: tuple[StretchHints, ...]
+
+
+class Room:
+    """How many entries of Gram matrices a file may still have."""
+
+    def __init__(self, entries: int) -> None:
+        self.left = entries
+
+    def take(self, entries: int, item: Item) -> None:
+        self.left -= entries
+        if self.left < 0:
+            item.refuse(f"Gram matrices with at most {MOST_GRAM_ENTRIES} entries together")
+
+
+def read_decrease(item: Item, states: int, room: Room) -> DecreaseHints:
+    """For condition (d) along one segment or tube; the vehicle has that many states.
+
+    Raises:
+        Unreadable: says what was expected where.
+    """
+    degrees, stretches = item.record("degrees", "stretches")
+    orders = tuple(degree.integer(0, 8) for degree in degrees.items(MOST_INPUTS + 3, 3))
+    sizes = [comb(states + degree, degree) for degree in orders]
+    if max(sizes) > MOST_MONOMIALS:
+        degrees.refuse(f"degrees with at most {MOST_MONOMIALS} monomials")
+    found = tuple(_stretch_hints(stretch, states, sizes, room) for stretch in stretches.items(MOST_STRETCHES))
+    return DecreaseHints(orders, found)
+
+
+def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> StretchHints:
+    end, bounds, whitening, enclosures, cells = item.record("end", "bounds", "whitening", "enclosures", "cells")
+    by_node, by_cell = read_enclosures(enclosures), {}
+    entries = cells.items(MOST_CELLS)
+    room.take(len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes), cells)
+    for entry in entries:
+        reference, piece, signs, margin, grams = entry.record("reference", "piece", "signs", "margin", "grams")
+        key = (
+            reference.integer(0, MOST_EXTREMES - 1),
+            piece.integer(0, MOST_CELLS),
+            tuple(sign.integer(-1, 1) for sign in signs.items(MOST_INPUTS, least=0)),
+        )
+        if key in by_cell:
+            entry.refuse("each cell once")
+        tables = grams.items(len(sizes), len(sizes))
+        by_cell[key] = (
+            margin.rational(),
+            tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
+        )
+    rows = read_matrix(whitening, states)
+    return StretchHints(end.rational(), read_stretch_bounds(bounds), rows, by_node, by_cell)
+
+
+def read_enclosures(item: Item) -> EnclosureHints:
+    """Polynomials that stand for functions, by node of the graph."""
+    found = {}
+    for entry in item.items(MOST_FUNCTIONS, least=0):
+        node, hint = _unary(entry)
+        if node in found:
+            entry.refuse("each node once")
+        found[node] = hint
+    return found
+
+
+def _unary(item: Item) -> tuple[int, UnaryHint]:
+    """A node of the graph, and what is said of the function that it applies."""
+    node, function, coefficients, lower, upper, bound = item.record(
+        "node", "function", "coefficients", "lower", "upper", "bound"
+    )
+    powers = tuple(value.rational() for value in coefficients.items(MOST_COEFFICIENTS))
+    hint = function.text(), powers, lower.rational(), upper.rational(), bound.rational()
+    return node.integer(0, MOST_NODES), hint
+
+
+def read_matrix(item: Item, size: int) -> Matrix:
+    """Square, by rows."""
+    return [[entry.rational() for entry in row.items(size, size)] for row in item.items(size, size)]
+
+
+def read_gram(item: Item, size: int) -> Gram:
+    """Whole numbers over a common power of two."""
+    exponent, lower = item.record("exponent", "lower")
+    entries = lower.integers(size * (size + 1) // 2, -LARGEST_GRAM_ENTRY, LARGEST_GRAM_ENTRY)
+    return Gram(exponent.integer(0, 200), entries)
