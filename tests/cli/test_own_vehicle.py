@@ -248,7 +248,7 @@ def test_a_car_with_tyres_is_certified_and_driven(
     assert "only sin and cos are of the states, not inv" in capsys.readouterr().err
     report = check_file(tmp_path / "here")
     assert report.outcome is Outcome.PROVEN
-    assert "Deviations (alpha, x, y, v_x, v_y, yaw_rate)" in report.message
+    assert "of deviations alpha (rad), x (m), y (m), v_x, v_y, yaw_rate; I" in report.message
     assert "speed 1.5707963267948966 m/s" in report.message
     result = json.loads((tmp_path / "here" / "result.json").read_text())
     assert result["margin"]["certified"] > 1.5
