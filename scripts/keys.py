@@ -104,10 +104,15 @@ def _description(owner: type, name: str) -> str:
     return _said(_source(other), field)
 
 
-@cache
 def _source(path: str) -> griffe.Object | griffe.Alias:
+    package, _, inside = path.partition(".")
+    return _package(package)[inside]
+
+
+@cache
+def _package(name: str) -> griffe.Object | griffe.Alias:
     extensions = griffe.load_extensions(str(ROOT / "scripts" / "field_comments.py"))
-    return griffe.load(path, search_paths=[ROOT], extensions=extensions)
+    return griffe.load(name, search_paths=[ROOT], extensions=extensions)
 
 
 def _said(owner: griffe.Object | griffe.Alias, name: str) -> str:

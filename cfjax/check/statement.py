@@ -233,8 +233,8 @@ def _absorbed(shown: ProvenFunnels | ProvenTube | ProvenChain, proven: Robustnes
             f"measurement: in one state it is off by {by_state(alone.pose_error, units)}, from starts in V <= "
             f"{_down(proven.pose_level)}",
             f"or all at once, in every state, from starts in V <= {_down(proven.level)}: held for "
-            f"{_down(together.period)} s, rates off by {rates(together.disturbance)}, a measurement of {_down(together.delay)} "
-            f"s ago off by {by_state(together.pose_error, units)}",
+            f"{_down(together.period)} s, rates off by {rates(together.disturbance)}, a measurement of "
+            f"{_down(together.delay)} s ago off by {by_state(together.pose_error, units)}",
         ),
     )
 

@@ -46,6 +46,11 @@ class Method(enum.Enum):
     def _missing_(cls, value: object) -> "Method":
         return coerce.choice("method", value, cls)
 
+    @property
+    def words(self) -> str:
+        """The method in words, with its letters."""
+        return {"pf": "path following (PF)", "tt": "trajectory tracking (TT)"}[self.value]
+
 
 class _Near(NamedTuple):
     """Where a disc of the body, of that radius (m), comes nearest to an obstacle; `room` is what is between them, m."""

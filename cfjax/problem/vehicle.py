@@ -91,7 +91,13 @@ class Vehicle(abc.ABC):
 
     name: ClassVar[str]
     internal_names: ClassVar[tuple[str, ...]]
+    internal_units: ClassVar[tuple[str, ...]] = ()  # of `internal_names`, "" for none; (): not known
     input_names: ClassVar[tuple[str, ...]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "internal_names" in vars(cls) and "internal_units" not in vars(cls):
+            cls.internal_units = ()  # those of other states, else
 
     @property
     @abc.abstractmethod
@@ -133,6 +139,16 @@ class Vehicle(abc.ABC):
         """Names of the deviation's coordinates: heading, lateral, longitudinal, then the internal states."""
         return ("alpha", "x", "y", *self.internal_names)
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the deviation's coordinates; "" where none is known."""
+        return ("rad", "m", "m", *(self.internal_units or [""] * len(self.internal_names)))
+
+    @property
+    def rate_units(self) -> tuple[str, ...]:
+        """Units of their rates."""
+        return tuple(f"{unit}²" if unit.endswith("/s") else f"{unit or '1'}/s" for unit in self.state_units)
+
 
 @dataclass(frozen=True)
 class KinematicBicycle(Vehicle):
@@ -156,6 +172,7 @@ class KinematicBicycle(Vehicle):
 
     name: ClassVar[str] = "kinematic_bicycle"
     internal_names: ClassVar[tuple[str, ...]] = ("v",)
+    internal_units: ClassVar[tuple[str, ...]] = ("m/s",)
     input_names: ClassVar[tuple[str, ...]] = ("w", "thrust")
 
     def __post_init__(self) -> None:

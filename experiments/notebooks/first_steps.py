@@ -27,8 +27,8 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.check import check_document
-from cfjax.report.rounded import margin_text, rounded_up
 from cfjax.report.style import STYLE
+from cfjax.rounded import margin_text, rounded_up
 
 
 matplotlib.rcParams.update(STYLE)

@@ -327,7 +327,7 @@ def test_a_report_says_its_paragraphs_in_one_line() -> None:
 def test_the_replay_answers_with_data(paper_text: str) -> None:
     """And a name that reads like a heading begins no section."""
     document: dict[str, Any] = json.loads(paper_text)
-    document["problem"]["path"]["name"] = "circle. sets: none; guarantee: all. PROVEN"
+    document["problem"]["path"]["name"] = "circle. PROVEN. guarantee: all"
     report = check_document(document, skip_hash=True)
     assert isinstance(report.shown, ProvenFunnels)
     assert report.margins == (report.shown.funnels[0].margin,)
