@@ -214,6 +214,7 @@ class Result:
 
     def facts(self, objective: Objective = Objective()) -> list[tuple[str, str]]:
         """What came out, in words and units, each under its label; figures are rounded so that they claim less."""
+        coerce.instance("objective", objective, Objective)
         found: list[tuple[str, str]] = []
         if self.margin_certified is None:  # otherwise the message is the checker's whole account
             found.append(("reason", self.message))
