@@ -345,7 +345,7 @@ class Problem:
         inputs = self.feedforward(point)[1:]
         for name, value, limits in zip(self.vehicle.input_names, inputs, self.vehicle.input_box, strict=True):
             if value not in limits:
-                return f"{name} = {value:.4g}, but the vehicle's {name} lies in [{limits.lower:g}, {limits.upper:g}]"
+                return self.vehicle.beyond(name, value, limits)
         return ""
 
     def _largest_curvature(self, point: ReferencePoint) -> float:

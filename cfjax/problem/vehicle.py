@@ -125,6 +125,10 @@ class Vehicle(abc.ABC):
         """Names of the physical command's entries, each with its unit where it is no input itself."""
         return self.input_names
 
+    def beyond(self, name: str, value: float, limits: Interval) -> str:
+        """An input that leaves its limits, as people know it: for messages."""
+        return f"{name} = {value:.4g}, but the vehicle's {name} lies in {limits}"
+
     @property
     def brakes(self) -> tuple[tuple[str, str], ...]:
         """Inputs that bring an internal state to rest, with its name: such an input is that state's very rate.
@@ -234,6 +238,13 @@ class KinematicBicycle(Vehicle):
     @property
     def command_names(self) -> tuple[str, ...]:
         return "steering angle, rad", "thrust, m/s^2"
+
+    def beyond(self, name: str, value: float, limits: Interval) -> str:
+        if name != "w":
+            return super().beyond(name, value, limits)
+        limit = limits.lower if value < limits.lower else limits.upper
+        angle, most = (math.degrees(math.atan(tangent)) for tangent in (value, limit))
+        return f"steering angle {angle:.4g}°, limit {most:.4g}° (w = tan = {value:.4g})"
 
     @property
     def brakes(self) -> tuple[tuple[str, str], ...]:

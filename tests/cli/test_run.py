@@ -213,7 +213,7 @@ def test_sweep_survives_bad_input_of_one_job(
     assert train("-m", "+path=circle", "path.radius=1.5,0.1") == 2
     good, bad = _sweep(tmp_path)
     assert (good["verdict"], bad["verdict"]) == ("inconclusive", "bad input")
-    assert "needs w = 3.4" in bad["message"]
+    assert "needs steering angle 73.61°, limit 45° (w = tan = 3.4)" in bad["message"]
     assert bad["path"] == "circle"
 
 
