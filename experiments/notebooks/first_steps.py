@@ -101,7 +101,7 @@ for theta in (0.0, found.funnel.duration):
 
 # %%
 report = check_document(result.document)
-print(report.message)
+print(report.text)
 assert result.verdict is cfjax.Verdict.CERTIFIED and report.outcome.value == 0
 
 # %% [markdown]

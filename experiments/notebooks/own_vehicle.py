@@ -145,7 +145,7 @@ assert result.verdict is cfjax.Verdict.CERTIFIED and result.closed_loop.left_fun
 # the dynamics that stand in the file.
 
 # %%
-print(check_document(result.document).message)
+print(check_document(result.document).text)
 
 # %% [markdown]
 # ## What the proof cannot take
