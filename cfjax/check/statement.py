@@ -278,7 +278,7 @@ def _vehicle(vehicle: VehicleClaim, assumptions: Assumptions | None) -> Section:
     values = ", ".join(f"{label} {about(value)}" for label, value in vehicle.parameters.items())
     named = f'"{vehicle.name}" ({values})' if values else f'"{vehicle.name}"'
     if vehicle.name in KNOWN_VEHICLES:
-        return Section("vehicle", (named,))
+        return Section("vehicle", (named, KNOWN_VEHICLES[vehicle.name].said))
     unknown = "a name unknown to this checker: its dynamics are those of the graph in the file"
     if assumptions is None:
         return Section("vehicle", (named, unknown))

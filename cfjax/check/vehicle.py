@@ -23,13 +23,14 @@ STATES, UNITS = (*POSE, "v"), (*POSE_UNITS, "m/s")  # of a car
 class KnownVehicle:
     """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate.
 
-    `state_units` are for people alone.
+    `state_units` and `said`, what it is, are for people alone.
     `reach(own, proven)`: limits of the inputs by which one with the parameters `proven` does what one with `own` can.
     `scaled(parameters, length, speed)`: the parameters of the vehicle whose motion is the same with lengths and speeds
     multiplied by these; `axes(length, speed)` and `units(length, speed)`: by what its states and inputs are then.
     """
 
     parameters: tuple[str, ...]
+    said: str
     states: tuple[str, ...]
     state_units: tuple[str, ...]
     limits: Mapping[str, str]  # input: the parameter that bounds its absolute value
@@ -85,6 +86,7 @@ def _bicycle_units(length: fmpq, speed: fmpq) -> dict[str, fmpq]:
 KNOWN_VEHICLES = {
     "kinematic_bicycle": KnownVehicle(
         ("wheelbase", "max_tan_steering", "max_thrust"),
+        "a car by its rear axle, without slip; w is the tangent of its steering angle, thrust is v' in m/s^2",
         STATES,
         UNITS,
         {"w": "max_tan_steering", "thrust": "max_thrust"},

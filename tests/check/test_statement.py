@@ -76,7 +76,7 @@ STATEMENTS: dict[str, tuple[Shown, dict[str, tuple[str, ...]]]] = {
         funnels(safe=(ONE,) * 4),
         {
             "PROVEN": ("a control funnel function along a path.",),
-            "vehicle": ('"kinematic_bicycle" (wheelbase 0.34).',),
+            "vehicle": ('"kinematic_bicycle" (wheelbase 0.34); a car by its rear axle,', "w is the tangent of its"),
             "path": ("2 segments, 2 m, theta",),
             "sets": (
                 "of deviations alpha (rad), x (m), y (m), v (m/s); I with half-axes (0.25,",
