@@ -26,8 +26,8 @@ class ProofLimits:
     """What a proof may take (`cfjax.certificate.size` estimates it): a larger one is refused before learning.
 
     Args:
-        memory: GB; None: what is free.
-        hours: h.
+        memory: GB, of working memory; None: what is free.
+        hours: h, that it takes by estimate.
 
     Raises:
         InputError: for numbers that are not positive and finite.
@@ -53,14 +53,14 @@ class Options:
         polytope: how that one looks.
         proof: what a proof may take.
         objective: the largest margin λ, or the smallest width or the largest inlet at a margin.
-        beta_lower: V decreases at λ (1/s) on the shell [beta_lower, 1]; a level of V.
-        beta_inner: below, V decreases at λ V / beta_lower down to this level; None: no further than beta_lower.
-        restarts: candidates that the gradient learner starts from.
-        seed: of everything that is drawn.
-        rounds: of the learn–certify loop, at most.
-        solver: of the sums of squares: "batched", or "clarabel" (CVXPY).
-        robustness: whether what a certified funnel absorbs is proven too.
-        cars: driven through the funnel; 0 for none.
+        beta_lower: level of V where the shell [beta_lower, 1] begins, on which V decreases at λ (1/s).
+        beta_inner: level of V down to which V decreases below the shell, at λ V / beta_lower; None: beta_lower.
+        restarts: from how many candidates the gradient learner starts.
+        seed: of all random numbers.
+        rounds: how often funnels are learned and certified, at most.
+        solver: of the sums of squares: "batched", our own, or "clarabel", through CVXPY; either gives hints.
+        robustness: whether control period, disturbances and delay that a certified funnel absorbs are proven too.
+        cars: how many are driven through a certified funnel.
 
     Raises:
         InputError: for values that are none of these.

@@ -1,6 +1,9 @@
 """What a synthesis returns: one typed object with verdict, message, funnels, margins and statistics."""
 
+import html
 import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -8,9 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax import coerce
-from cfjax.funnel import Funnel, Leg
+from cfjax.funnel import Funnel, Leg, Objective
 from cfjax.lazy import public
-from cfjax.problem import Problem, Tube
+from cfjax.problem import Problem, Tube, Vehicle
+from cfjax.rounded import MILLI, margin_text, rounded_down, rounded_up, written
 from cfjax.verdict import Verdict
 
 
@@ -71,6 +75,12 @@ class ClosedLoop:
     missed_goal: int  # not inside G when θ reached T; in a tube: outside G at some time
     largest_value: float  # max of V over all cars and times
     arrival: tuple[float, float] | None  # earliest and latest, s; None in a tube, which has no end, or if none arrived
+
+    @property
+    def outcome(self) -> str:
+        """Whether all of them did what is proven, in words."""
+        failures = self.left_funnel + self.left_safe + self.missed_goal
+        return f"{failures} failures" if failures else "none lost"
 
 
 @dataclass(frozen=True)
@@ -194,3 +204,94 @@ class Result:
     def replace(self, **changes: Any) -> "Result":
         """The same result with some fields changed."""
         return replace(self, **changes)
+
+    # --- for people
+
+    @property
+    def title(self) -> str:
+        """Verdict, path and method."""
+        return f"{self.verdict.value}: {self.problem.path.name}, {self.problem.method.words}"
+
+    def facts(self, objective: Objective = Objective()) -> list[tuple[str, str]]:
+        """What came out, in words and units, each under its label; figures are rounded so that they claim less."""
+        coerce.instance("objective", objective, Objective)
+        found: list[tuple[str, str]] = []
+        if self.margin_certified is None:  # otherwise the message is the checker's whole account
+            found.append(("reason", self.message))
+            found.append(("what helps", "docs/not-certified.md, the cheapest first"))
+        if self.margin_falsified is not None:
+            found.append(("margin", self._margin()))
+            if objective.margin is not None:
+                found.append(("objective", self._reached(objective.margin)))
+        if self.robustness is not None:
+            found += self._absorbed(self.robustness)
+        if self.closed_loop is not None:
+            found += self._driven(self.closed_loop)
+        return found
+
+    def describe(self, objective: Objective = Objective()) -> str:
+        """The same as a list for a terminal."""
+        return "\n".join([self.title, *(f"  {label:<14}  {text}" for label, text in self.facts(objective))])
+
+    def __str__(self) -> str:
+        return self.describe()
+
+    def __repr__(self) -> str:
+        margin = () if self.margin_falsified is None else (f"margin {self._margin()}",)
+        loop = self.closed_loop
+        cars = () if loop is None else (f"{loop.cars} cars, {loop.outcome}",)
+        return f"<{'; '.join([self.title, *margin, *cars])}>"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><th>{html.escape(label)}</th><td>{html.escape(text)}</td></tr>" for label, text in self.facts()
+        )
+        return f"<table><caption>{html.escape(self.title)}</caption>{rows}</table>"
+
+    def _margin(self) -> str:
+        margin, falsified = self.margin_certified, self.margin_falsified
+        per_metre = [found.margin_per_metre for found in self.segments if found.margin_per_metre is not None]
+        proven = "nothing proven" if margin is None else f"{margin_text(margin)} 1/s proven"
+        way = f" ({margin_text(min(per_metre))} per metre of the path)" if per_metre else ""
+        known = falsified is not None and math.isfinite(falsified)  # the package's own tubes are not searched again
+        return f"{proven}{way}" + (f"; the falsifier found no less than {margin_text(falsified)} 1/s" if known else "")
+
+    def _reached(self, wanted: float) -> str:
+        """Whether a margin that was asked for is there; then half-widths of I and of the funnel's start."""
+        if (self.margin_certified or 0.0) < wanted:
+            return f"objective.margin: {wanted:g} 1/s was not reached; this is the largest margin that was found"
+        vehicle, widths = self.problem.vehicle, self.segments[0].funnel.half_widths()
+        inlet = _by_state(vehicle, [rounded_down(written(axis)) for axis in self.problem.inlet.half_axes[:1]])
+        told = _by_state(vehicle, [rounded_up(float(width), 3) for width in widths])
+        return f"inlet {inlet}; funnel's half-widths {told}"
+
+    def _absorbed(self, robustness: Robustness) -> list[tuple[str, str]]:
+        alone, vehicle = robustness.alone, self.problem.vehicle
+        law = ", under the law that is told the speed alone" if self.problem.path.tube else ""
+        often = f" (control at {rounded_up(1 / alone.period, 3)} Hz or faster)" if alone.period else ""
+        rates = _by_state(vehicle, [rounded_down(rate, 2) for rate in alone.disturbance], vehicle.rate_units)
+        return [
+            ("absorbs", f"one of the following{law}"),
+            ("control period", f"{rounded_down(alone.period, 3, MILLI)} ms{often}"),
+            ("delay", f"{rounded_down(alone.delay, 3, MILLI)} ms, of all that is measured"),
+            ("disturbance", f"{rates}, of one state's rate"),
+        ]
+
+    def _driven(self, loop: ClosedLoop) -> list[tuple[str, str]]:
+        goal = f", {loop.missed_goal} missed G" if self.problem.goal else ""
+        found = [
+            (
+                "cars",
+                f"{loop.cars} driven: {loop.left_funnel} left the funnel, {loop.left_safe} left S{goal}; largest V "
+                f"{loop.largest_value:.4g}",
+            )
+        ]
+        if loop.arrival:
+            found.append(("arrival", f"after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s, of these cars"))
+        return found
+
+
+def _by_state(vehicle: Vehicle, values: Sequence[str], units: Sequence[str] = ()) -> str:
+    """Figures of the first states, each with its name and unit; the states' own units unless given."""
+    entries = zip(vehicle.state_names, values, units or vehicle.state_units, strict=False)
+    return ", ".join(f"{name} {value} {unit}".rstrip() for name, value, unit in entries)

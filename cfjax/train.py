@@ -16,7 +16,6 @@ import argparse
 import atexit
 import errno
 import gc
-import math
 import os
 import shlex
 import sys
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
     from cfjax.conf import Config
-    from cfjax.funnel import Objective
     from cfjax.options import Options
     from cfjax.problem import Problem
     from cfjax.result import Result
@@ -326,7 +324,7 @@ def run(
     stopped: Interrupted | None = None
 
     def tell(result: "Result") -> None:
-        if (text := summary(result, options.objective)) not in told:
+        if (text := result.describe(options.objective)) not in told:
             print(text, flush=True)
             told.append(text)
 
@@ -386,60 +384,6 @@ def run(
 def _import_pictures() -> None:
     with suppress(Exception):  # who draws says what is missing
         import_module("cfjax.report.plot")
-
-
-def summary(result: "Result", objective: "Objective") -> str:
-    """A few lines for people."""
-    from cfjax.report.rounded import MILLI, margin_text, rounded_down, rounded_up
-
-    problem, loop = result.problem, result.closed_loop
-    lines = [f"{result.verdict.value}: {problem.path.name}, {problem.method.value}"]
-    if result.margin_certified is None:  # otherwise it is the checker's whole account, and stands in result.json
-        lines.append(result.message)
-        lines.append("what helps, the cheapest first: docs/not-certified.md")
-    if result.margin_falsified is not None:
-        margin = result.margin_certified
-        proven = "nothing proven" if margin is None else f"{margin_text(margin)} 1/s proven"
-        per_metre = [found.margin_per_metre for found in result.segments if found.margin_per_metre is not None]
-        way = f" ({margin_text(min(per_metre))} per metre of the path)" if per_metre else ""
-        known = math.isfinite(result.margin_falsified)  # tubes that came with the package are not searched again
-        found = f"; the falsifier found no less than {margin_text(result.margin_falsified)} 1/s" if known else ""
-        lines.append(f"margin: {proven}{way}{found}")
-        wanted = objective.margin
-        if wanted is not None and (result.margin_certified or 0.0) < wanted:
-            lines.append(f"objective.margin: {wanted:g} 1/s was not reached; this is the largest margin that was found")
-        elif wanted is not None:
-            lines.append(_sizes(result))
-    if result.robustness:
-        alone = result.robustness.alone
-        rates = zip(problem.vehicle.state_names, alone.disturbance, strict=True)
-        law = " under the law that is told the speed alone" if problem.path.tube else ""
-        held, late = (rounded_down(time, 3, MILLI) for time in (alone.period, alone.delay))
-        often = f" (control at {rounded_up(1 / alone.period, 3)} Hz or faster)" if alone.period else ""
-        lines += [
-            f"absorbs{law} one of:",
-            f"  inputs held for {held} ms{often}",
-            f"  data {late} ms old",
-            f"  a rate off by {', '.join(f'{rounded_down(bound, 2)} ({name})' for name, bound in rates)} a second",
-        ]
-    if loop is not None:
-        lines.append(
-            f"{loop.cars} cars: {loop.left_funnel} left the funnel, {loop.left_safe} left S"
-            + (f", {loop.missed_goal} missed G" if problem.goal else "")
-            + f"; largest V {loop.largest_value:.4g}"
-            + (f", arrival after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s" if loop.arrival else "")
-        )
-    return "\n".join(lines)
-
-
-def _sizes(result: "Result") -> str:
-    """Half-widths of I and of the funnel's start."""
-    from cfjax.report.rounded import rounded_down, rounded_up, written
-
-    states, widths = result.problem.vehicle.state_names, result.segments[0].funnel.half_widths()
-    told = ", ".join(f"{name} {rounded_up(width, 3)}" for name, width in zip(states, widths, strict=True))
-    inlet = rounded_down(written(result.problem.inlet.half_axes[0]))
-    return f"inlet {inlet} in {states[0]}; funnel's half-widths {told}"
 
 
 def _question(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem, Options]":

@@ -35,8 +35,8 @@ from cfjax.control.law import LAW_SHARE
 from cfjax.falsifier import first_escape
 from cfjax.options import Options
 from cfjax.problem import Box, Interval, Problem, ball, tube
-from cfjax.report.rounded import rounded_down
 from cfjax.report.style import SERIES_COLOURS, STYLE
+from cfjax.rounded import rounded_down
 from cfjax.synthesis import search
 from cfjax.verdict import Verdict
 

@@ -23,7 +23,7 @@ from cfjax.conf import options_of, preset, problem_of
 from cfjax.learner.oracle import PATIENCE
 from cfjax.report.lines import AT_LEAST, markdown, write_lines
 from cfjax.report.paper_rows import agreement, paper_found
-from cfjax.report.rounded import margin_text
+from cfjax.rounded import margin_text
 from cfjax.synthesis import synthesize
 
 

@@ -20,8 +20,8 @@ from cfjax.check.replay import check_document, check_robustness
 from cfjax.conf import preset, problem_of
 from cfjax.problem import Box, Ellipsoid, KinematicBicycle, ball
 from cfjax.report.lines import AT_LEAST, markdown, write_lines
-from cfjax.report.rounded import MILLI, NOTHING, rounded_down
 from cfjax.result import Result
+from cfjax.rounded import MILLI, NOTHING, rounded_down
 from cfjax.synthesis import drive, search
 from experiments.vehicles.dynamic_single_track import DynamicSingleTrack
 from experiments.vehicles.front_axle import FrontAxleCar

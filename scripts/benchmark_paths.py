@@ -27,8 +27,8 @@ from cfjax.problem import KinematicBicycle, Pose, Profile, Segment, waypoints
 from cfjax.problem import Path as Course
 from cfjax.report.page import save_page
 from cfjax.report.plot import save_picture
-from cfjax.report.rounded import margin_text
 from cfjax.report.run_folder import write_run
+from cfjax.rounded import margin_text
 from cfjax.synthesis import drive, search
 
 

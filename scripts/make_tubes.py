@@ -24,7 +24,7 @@ from cfjax.check.rational import rational
 from cfjax.exact import exact_bounds
 from cfjax.report.files import write_whole
 from cfjax.report.progress import progress_on
-from cfjax.report.rounded import margin_text, rounded_up
+from cfjax.rounded import margin_text, rounded_up
 from cfjax.tubes.store import pack, read_tube
 
 

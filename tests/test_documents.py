@@ -1,11 +1,15 @@
 """The documents: links lead somewhere, every public name says what it is; and how `scripts/docs` looks at the site."""
 
+import dataclasses
 import importlib
 import re
 from pathlib import Path
 
 import pytest
 
+from cfjax.conf import Config, preset
+from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, CircleConfig
+from scripts import keys
 from scripts.check_site import complaints, public_names
 
 
@@ -66,3 +70,38 @@ def test_the_site_is_looked_at(tmp_path: Path) -> None:
     (tmp_path / "a.css").write_text("@import url(https://example.org/b.css);")
     (found,) = complaints(tmp_path)
     assert "from elsewhere" in found
+
+
+def test_the_reference_of_keys_is_up_to_date() -> None:
+    written = keys.PAGE.read_text("utf-8")
+    assert written == keys.page(written), "python scripts/keys.py writes it"
+
+
+def test_every_key_is_in_the_reference() -> None:
+    content, config = keys.PAGE.read_text("utf-8"), preset("circle")
+    expected = {field.name for field in dataclasses.fields(Config)}
+    for group in ("sets", "polytope", "proof", "objective", "wandb"):
+        expected.remove(group)
+        expected |= {f"{group}.{name}" for name in vars(getattr(config, group))}
+    for group, kinds in (("path", PATH_KINDS), ("vehicle", VEHICLE_KINDS)):
+        expected.remove(group)
+        names = {field.name for kind in kinds.values() for field in dataclasses.fields(kind)}
+        expected |= {f"{group}.{name}" for name in names - {"name", "kind"}}
+    assert set(re.findall(r"^\| `([a-z0-9_.]+)` \| (?:a|an|true|names) ", content, re.MULTILINE)) == expected
+
+
+def test_what_a_key_means_is_its_own_comment_or_that_of_what_it_is_made_of() -> None:
+    assert keys.keys_of(CircleConfig, "path.")[0] == ("`path.radius`", "a number", "m", "`1.5`", "of the circle")
+    of_a_run = {key.name: key for key in keys.keys_of(Config)}
+    assert of_a_run["`seed`"].meaning == "of all random numbers"  # in `cfjax.options`
+    assert of_a_run["`certificate`"].meaning.startswith("`segment`, funnels")
+
+
+@dataclasses.dataclass
+class Silent:
+    number: float = 1.0
+
+
+def test_a_key_that_nothing_describes_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"group\.number: no comment says what it means"):
+        keys.keys_of(Silent, "group.")

@@ -23,7 +23,7 @@ from cfjax.control import MinNorm, law_numbers
 from cfjax.demonstrator import horizon_of, weights_of
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.learner.elimination import Elimination
-from cfjax.problem import Disc, Polygon, Pose, Profile, ReferencePoint, Segment, Tube
+from cfjax.problem import Disc, Polygon, Pose, Profile, ReferencePoint, RosPose, Segment, Tube
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation.track import track_of
 
@@ -148,6 +148,7 @@ TABLE: dict[str, Callable[[], Call]] = {
     "Funnel": lambda: of(Funnel, Funnel, **vars(FUNNEL)),
     "Result": lambda: of(Result, Result, **vars(RESULT)),
     "Result.replace": lambda: of(RESULT.replace, Result, verdict="refuted", problem=PROBLEM),
+    "Result.describe": lambda: of(RESULT.describe, str, objective=cfjax.Objective()),
     "Following": lambda: of(
         lambda **given: replace(following(), **given),
         cfjax.Following,
@@ -193,6 +194,10 @@ TABLE: dict[str, Callable[[], Call]] = {
     "deviation_rate": lambda: of(
         cfjax.problem.deviation_rate, tuple, vehicle=CAR, x=REST, inputs=[1, 0, 0], reference=POINT
     ),
+    "pose_from_ros": lambda: of(cfjax.problem.pose_from_ros, Pose, pose=(0, 0, 0)),
+    "pose_to_ros": lambda: of(cfjax.problem.pose_to_ros, RosPose, pose=Pose(0, 0, 0)),
+    "deviation_from_ros": lambda: of(cfjax.problem.deviation_from_ros, Pose, offset=RosPose(0, 0, 0)),
+    "deviation_to_ros": lambda: of(cfjax.problem.deviation_to_ros, RosPose, deviation=(0, 0, 0)),
     "disc_centres": lambda: of(cfjax.problem.disc_centres, list, footprint=[[0.2, 0.0]], poses=np.zeros((2, 3))),
     "distances": lambda: of(cfjax.problem.distances, tuple, obstacle=Disc(0, 0, 1), points=np.zeros((2, 2))),
     "feedforward": lambda: of(cfjax.problem.feedforward, tuple, vehicle=CAR, reference=POINT),
@@ -410,8 +415,19 @@ ROOMS = ("", "problem", "funnel", "control", "tubes", "certificate", "demonstrat
 ROOMS = (*ROOMS, "plants", "simulation", "baselines")
 UNCHECKED = {
     # plain tuples, looked at by whoever takes them (`test_plain_tuples_are_looked_at_where_they_are_taken`)
-    *("FootprintDisc", "Leg", "Pose", "ReferencePoint", "Twist", "Demonstration", "Horizon", "Weights", "Suspect"),
-    *("Descent", "LawNumbers", "Located", "Link", "Stretch", "Sources", "Statement", "Measurement", "Scene"),
+    *(
+        "FootprintDisc",
+        "Leg",
+        "Pose",
+        "ReferencePoint",
+        "Twist",
+        "Demonstration",
+        "Horizon",
+        "Weights",
+        "Suspect",
+        "RosPose",
+    ),
+    *("Descent", "LawNumbers", "Located", "Link", "Stretch", "Sources", "Statement", "Measurement", "Scene", "RosPose"),
     # what a user derives a class from, and what has no arguments
     *("Vehicle", "Template", "Law", "Plant", "HostPlant", "Contracting", "Paper", "MinNorm", "Sontag", "LinSontag"),
     *(

@@ -15,8 +15,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--skip-hash", action="store_true", help="replay a file whose hash does not fit its content")
     options = parser.parse_args(arguments)
     report = check_file(options.path, options.skip_hash)
-    line = report.message if report.outcome.value in (0, 3) else f"{report.outcome.name}: {report.message}"
-    print(line.encode("ascii", "backslashreplace").decode())
+    print(report.text.encode("ascii", "backslashreplace").decode())
     return report.outcome.value
 
 

@@ -1,13 +1,14 @@
 """What the checker answers."""
 
 import enum
+import textwrap
 from dataclasses import dataclass, field
 
 from flint import fmpq
 
 from cfjax.check.amounts import Robustness
 from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted, Shown
-from cfjax.check.statement import paragraphs
+from cfjax.check.statement import Section, sections
 
 
 class Outcome(enum.Enum):
@@ -19,11 +20,20 @@ class Outcome(enum.Enum):
     REFUTED = 3  # the file proves that a candidate is no control funnel function with its margin
 
 
+WIDTH, COLUMN = 110, 12  # characters: of a line, and of what stands before its text
+
+
+def _wrapped(text: str, first: str, others: str) -> list[str]:
+    return textwrap.wrap(
+        text, WIDTH, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
+    )
+
+
 @dataclass(frozen=True)
 class Report:
     """The outcome, with what the file shows, or in one line why it shows nothing.
 
-    What funnels absorb stands there where hints for it were beside the certificate. `paragraphs` say all this in
+    What funnels absorb stands there where hints for it were beside the certificate. `sections` say all this in
     English (`cfjax.check.statement`): they are written when the report is made, where the checker still refuses what
     it cannot do. The properties are figures of what is proven; where it has none of a kind they are None.
     """
@@ -32,16 +42,35 @@ class Report:
     refusal: str = ""
     shown: Shown | None = field(default=None, repr=False)
     robustness: Robustness | None = None
-    paragraphs: tuple[str, ...] = field(init=False)
+    sections: tuple[Section, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        said = (self.refusal,) if self.shown is None else paragraphs(self.shown, self.robustness)
-        object.__setattr__(self, "paragraphs", said)
+        said = () if self.shown is None else sections(self.shown, self.robustness)
+        object.__setattr__(self, "sections", said)
+
+    @property
+    def paragraphs(self) -> tuple[str, ...]:
+        """The sections in prose, one in a line; or why there are none."""
+        return tuple(section.paragraph for section in self.sections) or (self.refusal,)
 
     @property
     def message(self) -> str:
         """The paragraphs in one line."""
         return " ".join(self.paragraphs)
+
+    @property
+    def text(self) -> str:
+        """The same for a terminal: headings, each with a list of what is said, and lines that are not longer than one
+        reads.
+        """
+        if not self.sections:
+            return f"{self.outcome.name}: {self.refusal}"
+        title, *others = self.sections
+        lines = _wrapped(title.paragraph.removesuffix("."), "", "  ")
+        for heading, clauses in others:
+            for index, clause in enumerate(clauses):
+                lines += _wrapped(clause, f"{'' if index else heading:<{COLUMN}}- ", " " * (COLUMN + 2))
+        return "\n".join(lines)
 
     @property
     def margins(self) -> tuple[fmpq, ...]:

@@ -15,20 +15,24 @@ from cfjax.check.symbolic import Symbolic
 
 
 POSE = ("alpha", "x", "y")  # in the plane, from the reference, in the body frame of that
-STATES = (*POSE, "v")  # of a car
+POSE_UNITS = ("rad", "m", "m")
+STATES, UNITS = (*POSE, "v"), (*POSE_UNITS, "m/s")  # of a car
 
 
 @dataclass(frozen=True)
 class KnownVehicle:
     """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate.
 
+    `state_units` and `said`, what it is, are for people alone.
     `reach(own, proven)`: limits of the inputs by which one with the parameters `proven` does what one with `own` can.
     `scaled(parameters, length, speed)`: the parameters of the vehicle whose motion is the same with lengths and speeds
     multiplied by these; `axes(length, speed)` and `units(length, speed)`: by what its states and inputs are then.
     """
 
     parameters: tuple[str, ...]
+    said: str
     states: tuple[str, ...]
+    state_units: tuple[str, ...]
     limits: Mapping[str, str]  # input: the parameter that bounds its absolute value
     rate: Callable[[Mapping[str, fmpq], Symbolic], list[fmpq_mpoly]]
     reach: Callable[[Mapping[str, fmpq], Mapping[str, fmpq]], dict[str, fmpq]]
@@ -82,7 +86,9 @@ def _bicycle_units(length: fmpq, speed: fmpq) -> dict[str, fmpq]:
 KNOWN_VEHICLES = {
     "kinematic_bicycle": KnownVehicle(
         ("wheelbase", "max_tan_steering", "max_thrust"),
+        "a car by its rear axle, without slip; w is the tangent of its steering angle, thrust is v' in m/s^2",
         STATES,
+        UNITS,
         {"w": "max_tan_steering", "thrust": "max_thrust"},
         _bicycle,
         _bicycle_reach,

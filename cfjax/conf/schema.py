@@ -1,5 +1,8 @@
 """What can be configured: one dataclass per group. Keys, types and defaults stand here and nowhere else.
 
+The comment beside a key says what it means, after its unit and a comma where it has one. A key whose default is that of
+another class, like `Options.seed`, is described there. `scripts/keys.py` makes docs/keys.md of this.
+
 Values are checked where the objects that they describe are constructed (`cfjax.problem`, `cfjax.synthesis`); here
 only what has no object of its own.
 """
@@ -15,6 +18,7 @@ from omegaconf import MISSING
 import cfjax
 from cfjax.coerce import one_of
 from cfjax.errors import InputError
+from cfjax.funnel import Objective
 from cfjax.learner import DEFAULT
 from cfjax.learner.elimination import Elimination
 from cfjax.options import Options, ProofLimits
@@ -22,6 +26,8 @@ from cfjax.options import Options, ProofLimits
 
 INTERVAL = "a number or an interval [lower, upper]"
 BY_STATE = "a number or a list of numbers, one a state"
+DISCS = "a list of discs [radius, offset]"
+OBSTACLES = "a list, like [{disc: [x, y, radius]}]"
 
 
 def _any_of(expected: str, default: Any) -> Any:
@@ -43,9 +49,11 @@ class PathConfig(abc.ABC):
 
 @dataclass
 class StraightConfig(PathConfig):
+    """A straight line."""
+
     kind: str = "straight"
-    length: float = 4.0  # m
-    speed: float = 2.0  # m/s
+    length: float = 4.0  # m, of the line
+    speed: float = 2.0  # m/s, along the path
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.straight(self.length, self.speed).segments)
@@ -53,10 +61,12 @@ class StraightConfig(PathConfig):
 
 @dataclass
 class CircleConfig(PathConfig):
+    """A circle, counter-clockwise."""
+
     kind: str = "circle"
-    radius: float = 1.5  # m
-    speed: float = math.pi / 2  # m/s
-    laps: float = 1.0
+    radius: float = 1.5  # m, of the circle
+    speed: float = math.pi / 2  # m/s, along the path
+    laps: float = 1.0  # how often round
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.circle(self.radius, self.speed, self.laps).segments)
@@ -64,8 +74,10 @@ class CircleConfig(PathConfig):
 
 @dataclass
 class OvalConfig(PathConfig):
+    """The paper's oval, x²/4 + y² = 1 m²."""
+
     kind: str = "oval"
-    speed: float = 1.0  # m/s
+    speed: float = 1.0  # m/s, along the path
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.oval(self.speed).segments)
@@ -73,12 +85,14 @@ class OvalConfig(PathConfig):
 
 @dataclass
 class EllipseConfig(PathConfig):
+    """x²/a² + y²/b² = 1, counter-clockwise from (a, 0)."""
+
     kind: str = "ellipse"
     a: float = 2.0  # m, half axis along x
     b: float = 1.0  # m, half axis along y
-    speed: float = 1.0  # m/s
-    segments: int = 2  # of each lap
-    laps: int = 1
+    speed: float = 1.0  # m/s, along the path
+    segments: int = 2  # of equal length, in each lap
+    laps: int = 1  # how often round
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.ellipse(self.a, self.b, self.speed, self.segments, self.laps).segments)
@@ -86,9 +100,11 @@ class EllipseConfig(PathConfig):
 
 @dataclass
 class FigureEightConfig(PathConfig):
+    """A lemniscate, one lap from its crossing."""
+
     kind: str = "figure_eight"
-    size: float = 2.0  # m from the crossing to the farthest point
-    speed: float = 1.0  # m/s
+    size: float = 2.0  # m, from the crossing to the farthest point
+    speed: float = 1.0  # m/s, along the path
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.figure_eight(self.size, self.speed).segments)
@@ -96,11 +112,13 @@ class FigureEightConfig(PathConfig):
 
 @dataclass
 class SlalomConfig(PathConfig):
+    """y = amplitude · sin(2π periods x/length)."""
+
     kind: str = "slalom"
-    length: float = 12.0  # m
-    amplitude: float = 0.5  # m
-    periods: int = 3
-    speed: float = 1.0  # m/s
+    length: float = 12.0  # m, along x
+    amplitude: float = 0.5  # m, of the wave
+    periods: int = 3  # of the wave
+    speed: float = 1.0  # m/s, along the path
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.slalom(self.length, self.amplitude, self.periods, self.speed).segments)
@@ -108,8 +126,10 @@ class SlalomConfig(PathConfig):
 
 @dataclass
 class ObstacleConfig(PathConfig):
+    """The paper's path around an obstacle."""
+
     kind: str = "obstacle"
-    speed: float = 2.0  # m/s
+    speed: float = 2.0  # m/s, along the path
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.obstacle_path(self.speed).segments)
@@ -117,19 +137,19 @@ class ObstacleConfig(PathConfig):
 
 @dataclass
 class WaypointsConfig(PathConfig):
-    """The points of a CSV file; what the other keys mean: `cfjax.problem.waypoints`."""
+    """Through the points of a CSV file."""
 
     kind: str = "waypoints"
-    file: str = MISSING  # relative to where the command was started
+    file: str = MISSING  # the file's name, relative to where the command was started
     columns: list[str] | None = None  # names of all columns, with units, as [x_mm,y_mm,v_kmh]; null: the file's header
-    closed: bool | None = None  # null: where its end meets its beginning
-    speed: float | None = None  # m/s at most; null: what the file says, or 2
-    least_speed: float | None = None  # m/s, where the file says less; null: a stop is refused
-    lateral_acceleration: float = 4.0  # m/s²
-    acceleration: float | None = 1.0  # m/s²; null: what thrust allows
-    reserve: float = 0.2  # part of steering and of thrust
-    segment_length: float | None = None  # m; null: by the wheelbase, 10 m for a car of 0.34 m
-    smoothing: float = 0.0  # m
+    closed: bool | None = None  # whether it is a lap; null: where its end meets its beginning
+    speed: float | None = None  # m/s, at most; null: what the file says, or 2
+    least_speed: float | None = None  # m/s, driven where the file says less; null: a stop is refused
+    lateral_acceleration: float = 4.0  # m/s², at most, in bends
+    acceleration: float | None = 1.0  # m/s², at most, along the path; null: what thrust allows
+    reserve: float = 0.2  # part of steering and of thrust that is left to feedback
+    segment_length: float | None = None  # m, about; null: by the wheelbase, 10 m for a car of 0.34 m
+    smoothing: float = 0.0  # m, root mean square by which the curve may pass the points; 0: through them
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         try:
@@ -153,12 +173,12 @@ class WaypointsConfig(PathConfig):
 
 @dataclass
 class TubeConfig(PathConfig):
-    """A number, or an interval [lower, upper]; of curvature and acceleration a number stands for ± itself."""
+    """Every path within bounds: numbers or intervals. A number for curvature or acceleration stands for ± itself."""
 
     kind: str = "tube"
-    speed: Any = _any_of(INTERVAL, 1.0)  # m/s
-    curvature: Any = _any_of(INTERVAL, 1.0)  # 1/m
-    acceleration: Any = _any_of(INTERVAL, 0.0)  # dv/dtheta, m/s²
+    speed: Any = _any_of(INTERVAL, 1.0)  # m/s, along the path
+    curvature: Any = _any_of(INTERVAL, 1.0)  # 1/m, to the left where positive
+    acceleration: Any = _any_of(INTERVAL, 0.0)  # m/s², dv/dθ of the reference
 
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         return cfjax.Path(self.name, cfjax.tube(self.curvature, self.speed, self.acceleration).segments)
@@ -179,10 +199,10 @@ PATH_KINDS: dict[str, type[PathConfig]] = {
 
 @dataclass
 class VehicleConfig(abc.ABC):
-    """A vehicle with numbers; `kind` says which of these classes it is. Its body: discs [radius, offset], m."""
+    """A vehicle with numbers; `kind` says which of these classes it is."""
 
     kind: str = MISSING
-    footprint: Any = _any_of("a list of discs [radius, offset]", [[0.25, 0.0]])  # only obstacles ask for it
+    footprint: Any = _any_of(DISCS, [[0.25, 0.0]])  # m, what stands for the body; only obstacles ask for it
 
     @abc.abstractmethod
     def build(self) -> "cfjax.Vehicle": ...
@@ -190,10 +210,12 @@ class VehicleConfig(abc.ABC):
 
 @dataclass
 class BicycleConfig(VehicleConfig):
+    """The kinematic bicycle, with the rear axle as its reference point."""
+
     kind: str = "bicycle"
-    wheelbase: float = 0.34  # m
-    max_tan_steering: float = 1.0
-    max_thrust: float = 4.0  # m/s²
+    wheelbase: float = 0.34  # m, from axle to axle
+    max_tan_steering: float = 1.0  # the tangent of the largest steering angle: 0.466 for 25 degrees
+    max_thrust: float = 4.0  # m/s², the largest acceleration, either way
 
     def build(self) -> "cfjax.Vehicle":
         return cfjax.KinematicBicycle(self.wheelbase, self.max_tan_steering, self.max_thrust)
@@ -201,11 +223,11 @@ class BicycleConfig(VehicleConfig):
 
 @dataclass
 class CustomConfig(VehicleConfig):
-    """A vehicle of the user's own: the name of its class, module.Class, and what it is constructed with."""
+    """A vehicle of the user's own."""
 
     kind: str = "custom"
-    target: str = MISSING
-    parameters: dict[str, Any] = field(default_factory=dict)
+    target: str = MISSING  # its class, module.Class, in a module that Python finds from where you are
+    parameters: dict[str, Any] = field(default_factory=dict)  # what the class is constructed with
 
     def build(self) -> "cfjax.Vehicle":
         # config.yaml of a folder that somebody sent must not load code
@@ -217,36 +239,31 @@ VEHICLE_KINDS: dict[str, type[VehicleConfig]] = {"bicycle": BicycleConfig, "cust
 
 @dataclass
 class SetsConfig:
-    """I and G: a number (radius of a ball) or one half-axis per state. S: one half-width per state, or null.
+    """Deviations in the units of the states: of a car heading in rad, x and y in m, speed in m/s."""
 
-    Of a tube G may be null: then it is the tube itself that is kept.
-
-    Obstacles, which belong to S too: {disc: [x, y, radius]} or {polygon: [[x, y], ...]}, convex; m.
-    """
-
-    inlet: Any = _any_of(BY_STATE, 0.5)
-    goal: Any = _any_of(BY_STATE, 0.5)
-    safe: Any = _any_of(f"{BY_STATE}, or null", None)
-    obstacles: Any = _any_of("a list, like [{disc: [x, y, radius]}]", [])
+    inlet: Any = _any_of(BY_STATE, 0.5)  # I, where the car may start: the radius of a ball, or half-axes
+    goal: Any = _any_of(BY_STATE, 0.5)  # G, where it has to end, as I; null (of a tube only): none
+    safe: Any = _any_of(f"{BY_STATE}, or null", None)  # S, where it has to stay: half-widths; null: no limit
+    obstacles: Any = _any_of(OBSTACLES, [])  # m, what the body must not touch, or {polygon: [[x, y], …]}, convex
 
 
 @dataclass
 class ObjectiveConfig:
-    """`margin`: the largest λ; `width`, `inlet`: the narrowest funnel, or the largest I, that has the margin."""
+    """The largest margin λ; or the narrowest funnel, or the largest I, that has a margin."""
 
-    kind: str = "margin"  # or width, inlet
-    margin: float | None = None  # 1/s
+    kind: str = Objective.kind
+    margin: float | None = Objective.margin
 
 
 @dataclass
 class PolytopeConfig:
     """Read only with learner=polytope."""
 
-    margin: float = Elimination.margin  # 1/s
+    margin: float = Elimination.margin
     climb: bool = Elimination.climb
-    centre: str = Elimination.centre  # mve, analytic or chebyshev
+    centre: str = Elimination.centre
     batch: int = Elimination.batch
-    demonstrations: str = Elimination.demonstrations  # mpc or revised
+    demonstrations: str = Elimination.demonstrations
     delta: float = Elimination.delta
 
 
@@ -254,7 +271,7 @@ class PolytopeConfig:
 class ProofConfig:
     """What a proof may take: it is estimated before anything is learned, and a larger one refused."""
 
-    memory: float | None = ProofLimits.memory  # GB; null: what is free
+    memory: float | None = ProofLimits.memory
     hours: float = ProofLimits.hours
 
 
@@ -262,12 +279,12 @@ class ProofConfig:
 class WandbConfig:
     """Read only with logger=wandb."""
 
-    mode: str = "offline"  # or online, disabled
-    project: str = "cfjax"
-    entity: str | None = None
-    name: str | None = None
-    group: str | None = None
-    tags: list[str] = field(default_factory=list)
+    mode: str = "offline"  # "offline", "online" or "disabled"
+    project: str = "cfjax"  # where the run is logged
+    entity: str | None = None  # the account or team; null: the one that is logged in
+    name: str | None = None  # of the run; null: one that W&B chooses
+    group: str | None = None  # of runs; null: the sweep's folder
+    tags: list[str] = field(default_factory=list)  # of the run
 
     def __post_init__(self) -> None:
         one_of("wandb.mode", self.mode, ("offline", "online", "disabled"))
@@ -280,12 +297,12 @@ class Config:
     path: Any = MISSING  # a PathConfig, chosen by +path=NAME; the command fills in the default
     vehicle: Any = MISSING  # a VehicleConfig
     sets: SetsConfig = field(default_factory=SetsConfig)
-    method: str = "pf"  # or tt
-    timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # u0 of path following
-    authority: float = 1.0  # how far a law may go from what the reference needs towards the limits of the inputs
-    template: str = Options.template  # contracting or paper
-    certificate: str = Options.certificate  # auto, segment or tube
-    learner: str = DEFAULT  # gradient or polytope
+    method: str = "pf"  # "pf", path following, with the timing u0 free; "tt", trajectory tracking, with u0 = 1
+    timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # interval of u0 around 1; with pf only
+    authority: float = 1.0  # how far a law may go from what the reference needs to the inputs' limits; 1: all the way
+    template: str = Options.template
+    certificate: str = Options.certificate
+    learner: str = DEFAULT  # "gradient"; or "polytope", the paper's own, by elimination from demonstrations
     polytope: PolytopeConfig = field(default_factory=PolytopeConfig)
     proof: ProofConfig = field(default_factory=ProofConfig)
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
@@ -293,11 +310,11 @@ class Config:
     beta_inner: float | None = Options.beta_inner
     restarts: int = Options.restarts
     rounds: int = Options.rounds
-    solver: str = Options.solver  # of the sums of squares: batched, or clarabel (through CVXPY)
+    solver: str = Options.solver
     seed: int = Options.seed
-    robustness: bool = Options.robustness  # what the funnel absorbs: control period, disturbances, delay
+    robustness: bool = Options.robustness
     cars: int = Options.cars
-    logger: str = "none"  # or wandb
+    logger: str = "none"  # "none"; or "wandb", Weights & Biases
     wandb: WandbConfig = field(default_factory=WandbConfig)
 
     def __post_init__(self) -> None:

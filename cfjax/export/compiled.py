@@ -122,6 +122,18 @@ class Controller:
         self._library.cf_deviation(ctypes.c_double(theta), self._pointer(state), self._pointer(found))
         return found
 
+    def from_ros(self, x: float, y: float, yaw: float) -> Float[np.ndarray, " n"]:
+        """A state, of which the pose alone is written."""
+        state = np.full(self._states, np.nan)
+        self._library.cf_from_ros(*map(ctypes.c_double, (x, y, yaw)), self._pointer(state))
+        return state
+
+    def to_ros(self, state: Float[np.ndarray, "..."]) -> Float[np.ndarray, "3"]:
+        found = np.full(3, np.nan)
+        ends = [ctypes.c_void_p(found.ctypes.data + k * found.itemsize) for k in range(3)]
+        self._library.cf_to_ros(self._pointer(state), *ends)
+        return found
+
     @staticmethod
     def _pointer(values: Float[np.ndarray, "..."]) -> Any:
         if values.dtype != np.float64 or not values.flags.c_contiguous:

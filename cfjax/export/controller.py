@@ -238,7 +238,7 @@ def _banner(result: Result) -> str:
 certificate  {document.get("hash", "without a hash")}
 path         {path.name}, {duration:g} s of reference time, {"closed" if path.closed else "open"}
 vehicle      {vehicle.name} ({numbers})
-method       {problem.method.value}, template {_template(result).name}
+method       {problem.method.words}, template {_template(result).name}
 margins      {margins}{more} 1/s, one for each leg; the law asks {LAW_SHARE:g} of it
 
 Units: m, s, rad. Heading 0 looks along +y and counts counter-clockwise: x' = -v sin(heading), y' = v cos(heading).

@@ -17,7 +17,7 @@ class Objective:
 
     Args:
         kind: "margin", "width" or "inlet".
-        margin: λ that width and inlet need, 1/s; None for the largest.
+        margin: 1/s, λ that the narrowest funnel or the largest I has to have; None with "margin".
 
     Raises:
         InputError: for another kind, a margin that is not positive, and none where one is needed.

@@ -17,11 +17,11 @@ class Elimination:
         InputError: for values that are none of these; names the key, `polytope.…`.
     """
 
-    margin: float = 0.05  # 1/s, that is asked for first
-    climb: bool = True  # ask for more from a funnel that was found, until no room is left
-    centre: str = "mve"  # of the maximum-volume ellipsoid; or analytic, chebyshev
+    margin: float = 0.05  # 1/s, λ that is asked for first
+    climb: bool = True  # whether more is asked for when a funnel was found, until no room is left
+    centre: str = "mve"  # where the next candidate is: "mve" (maximum-volume ellipsoid), "analytic" or "chebyshev"
     batch: int = 8  # counterexamples that answer one candidate, at most
-    demonstrations: str = "mpc"  # or "revised": those too, but chosen anew after every candidate
+    demonstrations: str = "mpc"  # "mpc"; or "revised": those too, but chosen anew after every candidate
     delta: float = 0.01  # radius of the ball of coefficients that has to be left; C in half-axes of I, Frobenius norm
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from cfjax.lazy import on_first_use
 from cfjax.problem.deviation import affine_along, affine_deviation, deviation_rate, feedforward, to_deviation, to_state
+from cfjax.problem.frames import RosPose, deviation_from_ros, deviation_to_ros, pose_from_ros, pose_to_ros
 from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, disc_centres, distances
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
@@ -37,6 +38,7 @@ __all__ = [
     "Problem",
     "Profile",
     "ReferencePoint",
+    "RosPose",
     "Segment",
     "Tube",
     "Twist",
@@ -45,7 +47,9 @@ __all__ = [
     "affine_deviation",
     "ball",
     "circle",
+    "deviation_from_ros",
     "deviation_rate",
+    "deviation_to_ros",
     "disc_centres",
     "distances",
     "ellipse",
@@ -54,6 +58,8 @@ __all__ = [
     "mirror_signs",
     "obstacle_path",
     "oval",
+    "pose_from_ros",
+    "pose_to_ros",
     "slalom",
     "straight",
     "to_deviation",

@@ -46,6 +46,11 @@ class Method(enum.Enum):
     def _missing_(cls, value: object) -> "Method":
         return coerce.choice("method", value, cls)
 
+    @property
+    def words(self) -> str:
+        """The method in words, with its letters."""
+        return {"pf": "path following (PF)", "tt": "trajectory tracking (TT)"}[self.value]
+
 
 class _Near(NamedTuple):
     """Where a disc of the body, of that radius (m), comes nearest to an obstacle; `room` is what is between them, m."""
@@ -340,7 +345,7 @@ class Problem:
         inputs = self.feedforward(point)[1:]
         for name, value, limits in zip(self.vehicle.input_names, inputs, self.vehicle.input_box, strict=True):
             if value not in limits:
-                return f"{name} = {value:.4g}, but the vehicle's {name} lies in [{limits.lower:g}, {limits.upper:g}]"
+                return self.vehicle.beyond(name, value, limits)
         return ""
 
     def _largest_curvature(self, point: ReferencePoint) -> float:

@@ -91,7 +91,13 @@ class Vehicle(abc.ABC):
 
     name: ClassVar[str]
     internal_names: ClassVar[tuple[str, ...]]
+    internal_units: ClassVar[tuple[str, ...]] = ()  # of `internal_names`, "" for none; (): not known
     input_names: ClassVar[tuple[str, ...]]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "internal_names" in vars(cls) and "internal_units" not in vars(cls):
+            cls.internal_units = ()  # those of other states, else
 
     @property
     @abc.abstractmethod
@@ -119,6 +125,10 @@ class Vehicle(abc.ABC):
         """Names of the physical command's entries, each with its unit where it is no input itself."""
         return self.input_names
 
+    def beyond(self, name: str, value: float, limits: Interval) -> str:
+        """An input that leaves its limits, as people know it: for messages."""
+        return f"{name} = {value:.4g}, but the vehicle's {name} lies in {limits}"
+
     @property
     def brakes(self) -> tuple[tuple[str, str], ...]:
         """Inputs that bring an internal state to rest, with its name: such an input is that state's very rate.
@@ -132,6 +142,16 @@ class Vehicle(abc.ABC):
     def state_names(self) -> tuple[str, ...]:
         """Names of the deviation's coordinates: heading, lateral, longitudinal, then the internal states."""
         return ("alpha", "x", "y", *self.internal_names)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the deviation's coordinates; "" where none is known."""
+        return ("rad", "m", "m", *(self.internal_units or [""] * len(self.internal_names)))
+
+    @property
+    def rate_units(self) -> tuple[str, ...]:
+        """Units of their rates."""
+        return tuple(f"{unit}²" if unit.endswith("/s") else f"{unit or '1'}/s" for unit in self.state_units)
 
 
 @dataclass(frozen=True)
@@ -156,6 +176,7 @@ class KinematicBicycle(Vehicle):
 
     name: ClassVar[str] = "kinematic_bicycle"
     internal_names: ClassVar[tuple[str, ...]] = ("v",)
+    internal_units: ClassVar[tuple[str, ...]] = ("m/s",)
     input_names: ClassVar[tuple[str, ...]] = ("w", "thrust")
 
     def __post_init__(self) -> None:
@@ -217,6 +238,13 @@ class KinematicBicycle(Vehicle):
     @property
     def command_names(self) -> tuple[str, ...]:
         return "steering angle, rad", "thrust, m/s^2"
+
+    def beyond(self, name: str, value: float, limits: Interval) -> str:
+        if name != "w":
+            return super().beyond(name, value, limits)
+        limit = limits.lower if value < limits.lower else limits.upper
+        angle, most = (math.degrees(math.atan(tangent)) for tangent in (value, limit))
+        return f"steering angle {angle:.4g}°, limit {most:.4g}° (w = tan = {value:.4g})"
 
     @property
     def brakes(self) -> tuple[tuple[str, str], ...]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cfjax.report.files import write_whole
-from cfjax.report.rounded import NOTHING, margin_text, rounded_up
+from cfjax.rounded import NOTHING, margin_text, rounded_up
 
 
 AT_LEAST = {"text": margin_text}  # margins, and what is absorbed

@@ -33,10 +33,10 @@ from cfjax.report.marks import (
     rings_of,
 )
 from cfjax.report.plane import Plane, shadows, swept
-from cfjax.report.rounded import margin_text, rounded_up, written
 from cfjax.report.style import ellipse_outline
 from cfjax.report.terms import input_label, short_label, state_label
 from cfjax.result import Result, SegmentResult, StretchMargin
+from cfjax.rounded import margin_text, rounded_up, written
 
 
 SHOWN_INPUTS = 12  # cars

@@ -13,9 +13,9 @@ from cfjax import coerce
 from cfjax.report.draw import draw, handles
 from cfjax.report.marks import Panel
 from cfjax.report.panels import shown_of
-from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
 from cfjax.result import Result
+from cfjax.rounded import margin_text
 
 
 POINTS = 100_000  # of all cars together

@@ -9,9 +9,9 @@ import polars as pl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from cfjax.report.rounded import margin_text
 from cfjax.report.style import SERIES_COLOURS, STYLE
 from cfjax.report.table import SWEPT
+from cfjax.rounded import margin_text
 
 
 PICTURE = "margin.png"

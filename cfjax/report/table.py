@@ -16,8 +16,8 @@ from cfjax.conf import Config, preset, problem_of, values_of
 from cfjax.errors import InputError
 from cfjax.report.files import COMMAND, ERROR, RESULT, TABLE, is_job, read_json, write_whole
 from cfjax.report.paper_rows import agreement, paper_found
-from cfjax.report.rounded import NOTHING, margin_text
 from cfjax.report.run_folder import read_config
+from cfjax.rounded import NOTHING, margin_text
 from cfjax.verdict import Verdict
 
 

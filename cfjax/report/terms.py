@@ -2,7 +2,7 @@
 
 STATES = {"alpha": "heading α (rad)", "x": "lateral x (m)", "y": "longitudinal y (m)", "v": "speed v (m/s)"}
 SHORT = {"alpha": "α (rad)", "x": "x (m)", "y": "y (m)", "v": "v (m/s)"}
-INPUTS = {"u0": "timing u₀", "w": "steering tan γ", "thrust": "thrust (m/s²)"}
+INPUTS = {"u0": "timing u₀", "w": "steering w = tan γ", "thrust": "thrust (m/s²)"}
 
 
 def short_label(name: str) -> str:

@@ -23,9 +23,9 @@ from cfjax.report.marks import Axis, Band, Lines, Panel
 from cfjax.report.panels import shell, value_axis
 from cfjax.report.plane import Plane
 from cfjax.report.plot import compose
-from cfjax.report.rounded import MILLI, rounded_down
 from cfjax.report.style import STYLE
 from cfjax.result import Result
+from cfjax.rounded import MILLI, rounded_down
 from cfjax.simulate.experiment import Experiment
 from cfjax.simulation.sampled import SampledLoop
 

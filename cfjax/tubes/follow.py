@@ -6,11 +6,11 @@ holds all that is left of it after the distance it has had (`cfjax.check.handove
 is the lateral half-width √((C⁻¹)_xx) weighted by length.
 """
 
+import html
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -30,6 +30,7 @@ from cfjax.exact import StatedSegment, exact_reference, exact_surroundings, stat
 from cfjax.problem import FootprintDisc, KinematicBicycle, Obstacle, Vehicle
 from cfjax.problem.obstacles import footprint_of, obstacles_of
 from cfjax.problem.path import Path, Pose, Profile, Segment
+from cfjax.rounded import rounded_down, rounded_up
 from cfjax.tubes.store import library, proven_tubes
 from cfjax.tubes.vehicles import parameters_of, why_none
 from cfjax.tubes.violation import furthest_out
@@ -38,8 +39,8 @@ from cfjax.tubes.violation import furthest_out
 CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
 LEVEL_SLACKS = (1e-9, 1e-6, 1e-3)  # below the largest level, which lies on the edge of what exact arithmetic confirms
 DISTANCE_SLACK = 1e-9  # a choice in floating point keeps off the exact condition
-SHOWN_DIGITS = 6
-MOST_LINES = 6  # about tubes, that are printed
+DIGITS = 6  # that are printed
+MOST_LINES = 5  # about tubes, that are printed
 CHANGE_COST = 1e-9  # relative to the whole path: of two chains equally wide the one with fewer links
 
 
@@ -132,12 +133,12 @@ class Following:
         earliest, latest = self.arrival
         lines = [
             f"path {self.path.name}: {length:.6g} m{', closed' if self.closed else ''}, "
-            f"{ending} after {_shown(earliest, ROUND_FLOOR)} to {_shown(latest)} s"
+            f"{ending} after {rounded_down(earliest, DIGITS)} to {rounded_up(latest, DIGITS)} s"
         ]
         runs = [list(run) for _, run in itertools.groupby(self.tubes, key=lambda stretch: stretch.tube.name)]
         for run in runs[:MOST_LINES]:
             first, last = run[0], run[-1]
-            width = _shown(_float_above(sqrt_upper(first.tube.inverse[1, 1])))
+            width = rounded_up(_float_above(sqrt_upper(first.tube.inverse[1, 1])), DIGITS)
             lines.append(
                 f"  theta = {first.start:.6g} s of segment {first.segment} to {last.end:.6g} s of segment "
                 f"{last.segment}: tube {first.tube.name}, lateral half-width {width} m"
@@ -149,16 +150,22 @@ class Following:
             lines.append(
                 f"  {len(self.links)} {'change' if len(self.links) == 1 else 'changes'}, with least to spare "
                 f"{least.first.name} -> {least.second.name} at theta = {least.theta:.6g} s of segment {least.segment}: "
-                f"V <= {_shown(least.level)} after {_shown(least.needed)} m, "
-                f"has {_shown(least.available, ROUND_FLOOR)} m"
+                f"V <= {rounded_up(least.level, DIGITS)} after {rounded_up(least.needed, DIGITS)} m, "
+                f"has {rounded_down(least.available, DIGITS)} m"
             )
         if count := len(self.surroundings.obstacles):
             lines.append(f"  clear of {count} obstacle{'s' if count > 1 else ''}, wherever in its tube the car is")
-        lines.append("  holds for ever" if self.closed else f"  arrives with V <= {_shown(self.end_level)}")
+        lines.append("  holds for ever" if self.closed else f"  arrives with V <= {rounded_up(self.end_level, DIGITS)}")
         return "\n".join(lines)
 
     def __str__(self) -> str:
         return self.describe()
+
+    def __repr__(self) -> str:
+        return f"<{self.describe().splitlines()[0]}, {len(self.tubes)} tubes in turn>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.describe())}</pre>"
 
 
 def follow(
@@ -285,11 +292,6 @@ def _span(pieces: Sequence[Piece], run: Run) -> fmpq:
 
 def _float_above(value: fmpq) -> float:
     return 0.0 - float_below(-value)  # not −0.0
-
-
-def _shown(value: float, rounding: str = ROUND_CEILING) -> str:
-    """In few digits, rounded so that the sentence says less."""
-    return f"{float(Context(prec=SHOWN_DIGITS, rounding=rounding).create_decimal(value)):.{SHOWN_DIGITS}g}"
 
 
 # --- the path, cut, and back to floating-point numbers

@@ -52,7 +52,7 @@ print(", ".join(files))
 
 # %%
 report = check_file(file)
-print(report.message)
+print(report.text)
 assert report.outcome.value == 0
 
 # %% [markdown]
@@ -111,7 +111,7 @@ document = chain_document(found)
 for name, part in document.items():
     size = f"{len(part)} entries" if isinstance(part, list | dict) else part
     print(f"{name:10} {str(size)[:80]}")
-print(check_document(document).message)
+print(check_document(document).text)
 
 # %% [markdown]
 # ## A forged digit

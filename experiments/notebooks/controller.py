@@ -32,8 +32,8 @@ from matplotlib.figure import Figure
 import cfjax
 from cfjax.export import write_controller
 from cfjax.export.compiled import OK, OUTSIDE, PAST_END, Controller, compile_controller
-from cfjax.report.rounded import margin_text
 from cfjax.report.style import CAR_COLOUR, EDGE_COLOUR, SERIES_COLOURS, STYLE
+from cfjax.rounded import margin_text
 
 
 matplotlib.rcParams.update(STYLE)

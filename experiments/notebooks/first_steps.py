@@ -27,8 +27,8 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.check import check_document
-from cfjax.report.rounded import margin_text, rounded_up
 from cfjax.report.style import STYLE
+from cfjax.rounded import margin_text, rounded_up
 
 
 matplotlib.rcParams.update(STYLE)
@@ -101,7 +101,7 @@ for theta in (0.0, found.funnel.duration):
 
 # %%
 report = check_document(result.document)
-print(report.message)
+print(report.text)
 assert result.verdict is cfjax.Verdict.CERTIFIED and report.outcome.value == 0
 
 # %% [markdown]

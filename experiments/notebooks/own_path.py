@@ -30,8 +30,8 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.problem import Pose, Profile, Segment
-from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
+from cfjax.rounded import margin_text
 
 
 matplotlib.rcParams.update(STYLE)

@@ -33,8 +33,8 @@ from scipy.integrate import solve_ivp
 import cfjax
 from cfjax.check import check_document
 from cfjax.problem import Interval, Twist, Vehicle
-from cfjax.report.rounded import margin_text
 from cfjax.report.style import STYLE
+from cfjax.rounded import margin_text
 
 
 matplotlib.rcParams.update(STYLE)
@@ -63,7 +63,8 @@ class Robot(Vehicle):
     max_thrust: float = 2.0  # m/s²
 
     name: ClassVar[str] = "robot"
-    internal_names: ClassVar[tuple[str, ...]] = ("v",)  # m/s
+    internal_names: ClassVar[tuple[str, ...]] = ("v",)
+    internal_units: ClassVar[tuple[str, ...]] = ("m/s",)
     input_names: ClassVar[tuple[str, ...]] = ("turn", "thrust")
 
     @property
@@ -144,7 +145,7 @@ assert result.verdict is cfjax.Verdict.CERTIFIED and result.closed_loop.left_fun
 # the dynamics that stand in the file.
 
 # %%
-print(check_document(result.document).message)
+print(check_document(result.document).text)
 
 # %% [markdown]
 # ## What the proof cannot take

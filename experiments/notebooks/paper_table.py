@@ -27,8 +27,8 @@ import polars
 from IPython.display import display
 from matplotlib.figure import Figure
 
-from cfjax.report.rounded import margin_text
 from cfjax.report.style import SERIES_COLOURS, STYLE
+from cfjax.rounded import margin_text
 from experiments.paper_table import cases, run
 
 

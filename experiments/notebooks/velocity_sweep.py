@@ -30,8 +30,8 @@ from IPython.display import display
 from matplotlib.figure import Figure
 
 import cfjax
-from cfjax.report.rounded import margin_text
 from cfjax.report.style import SERIES_COLOURS, STYLE
+from cfjax.rounded import margin_text
 
 
 matplotlib.rcParams.update(STYLE)

@@ -38,7 +38,8 @@ class DynamicSingleTrack(Vehicle):
     max_thrust: float = 4.0  # m/s²
 
     name: ClassVar[str] = "dynamic_single_track"
-    internal_names: ClassVar[tuple[str, ...]] = ("v_x", "v_y", "yaw_rate")  # m/s, m/s, rad/s
+    internal_names: ClassVar[tuple[str, ...]] = ("v_x", "v_y", "yaw_rate")
+    internal_units: ClassVar[tuple[str, ...]] = ("m/s", "m/s", "rad/s")
     input_names: ClassVar[tuple[str, ...]] = ("steering", "thrust")
 
     @property

@@ -23,7 +23,8 @@ class FrontAxleCar(Vehicle):
     max_thrust: float = 4.0  # m/s²
 
     name: ClassVar[str] = "front_axle_car"
-    internal_names: ClassVar[tuple[str, ...]] = ("v",)  # m/s
+    internal_names: ClassVar[tuple[str, ...]] = ("v",)
+    internal_units: ClassVar[tuple[str, ...]] = ("m/s",)
     input_names: ClassVar[tuple[str, ...]] = ("w", "thrust")
 
     @property

@@ -23,7 +23,8 @@ class SteeredCar(Vehicle):
     max_thrust: float = 4.0  # m/s²
 
     name: ClassVar[str] = "steered_car"
-    internal_names: ClassVar[tuple[str, ...]] = ("v", "w")  # m/s, 1
+    internal_names: ClassVar[tuple[str, ...]] = ("v", "w")
+    internal_units: ClassVar[tuple[str, ...]] = ("m/s", "")
     input_names: ClassVar[tuple[str, ...]] = ("thrust", "steering_rate")
 
     @property

@@ -17,7 +17,8 @@ class Unicycle(Vehicle):
     max_thrust: float = 4.0  # m/s²
 
     name: ClassVar[str] = "unicycle"
-    internal_names: ClassVar[tuple[str, ...]] = ("v",)  # m/s
+    internal_names: ClassVar[tuple[str, ...]] = ("v",)
+    internal_units: ClassVar[tuple[str, ...]] = ("m/s",)
     input_names: ClassVar[tuple[str, ...]] = ("turn", "thrust")
 
     @property

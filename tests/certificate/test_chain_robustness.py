@@ -397,7 +397,8 @@ def test_cars_stay_in_both_tubes_at_the_proven_period(two: Chain) -> None:
 
 def test_what_is_told_of_the_path_is_looked_at(two: Chain) -> None:
     sentence = two.report.message
-    assert "for every curvature and acceleration of the bounds at once (tube 0: lambda = " in sentence
+    assert "for every curvature and acceleration of the bounds at once, one of the following" in sentence
+    assert "; tube 0: lambda = " in sentence
     assert "whatever the path does meanwhile" in sentence
 
     own = {"report": check_document(two.document), "document": two.document, "hints": two.hints}

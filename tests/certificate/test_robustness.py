@@ -410,7 +410,7 @@ def test_files_that_show_less_or_nothing(absorbed: Any) -> None:
     *_, proven, document, hints = absorbed
     report = check_document(document)
     message = check_robustness(report, document, hints).message
-    assert "may hold them for" in message
+    assert "control period: inputs are held for" in message
     printed = fmpq(*Fraction(re.findall(r"lambda = ([0-9.]+) 1/s", message)[0]).as_integer_ratio())
     (rates,) = proven.rates
     assert rates.decrease == (fmpq(19, 20) - fmpq(1, 2**20)) * printed  # what is asked is what is printed

@@ -49,7 +49,7 @@ def test_the_oval_is_proven_from_its_file(following: Following, tmp_path: Path) 
     write_chain(following, tmp_path / "oval.json")
     report = check_file(tmp_path / "oval.json")
     assert report.outcome is Outcome.PROVEN, report.message
-    assert 'along the path "oval"' in report.message and "for ever, lap after lap" in report.message
+    assert 'path: "oval"' in report.message and "for ever, lap after lap" in report.message
     assert report.arrival is not None
     earliest, latest = following.arrival
     assert earliest <= float(report.arrival[0]) and float(report.arrival[1]) <= latest

@@ -37,16 +37,17 @@ def write(folder: Path, document: dict[str, Any]) -> Path:
     return path
 
 
-def test_a_true_certificate_is_proven_in_one_paragraph(tmp_path: Path, contracting_text: str) -> None:
+def test_a_true_certificate_is_proven_on_one_screen(tmp_path: Path, contracting_text: str) -> None:
     (tmp_path / "certificate.json").write_text(contracting_text)
     for where in (tmp_path, tmp_path / "certificate.json"):
         done = command(str(where))
         assert done.returncode == 0
         assert done.stderr == ""
-        assert done.stdout.count("\n") == 1
+        assert done.stdout.startswith("PROVEN: a control funnel function along a path\nvehicle ")
+        assert done.stdout.count("\n") < 20
     for part in (
-        'the vehicle "kinematic_bicycle" (wheelbase 0.34,',
-        'the path "circle" (turning rate 1.0471975511965976 rad/s',
+        'vehicle     - "kinematic_bicycle" (wheelbase 0.34,',
+        'path        - "circle" (turning rate 1.0471975511965976 rad/s',
         "rate about 0.",
         "half-axes",
         "u0 in [1, 1]",
@@ -178,7 +179,8 @@ def test_a_proven_sentence_says_no_more_than_is_proven(certificate: dict[str, An
     certificate["funnels"][0]["margin"] = str(Fraction(1, 10) - nearly)
     told = sentence(certificate)
     for part in (
-        "I has half-axes (0.499999, 0.499999, 0.499999, 0.499999), G (0.500001, 0.500001, 0.500001, 0.500001)",
+        "I with half-axes (0.499999, 0.499999, 0.499999, 0.499999)",
+        "G with half-axes (0.500001, 0.500001, 0.500001, 0.500001)",
         "S with half-widths (1, 1, 1, 3.00001)",
         "shell from 0.900001",
         "lambda = 0.0999999 1/s or more",
@@ -204,7 +206,7 @@ def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> N
     certificate["problem"]["sets"]["safe"] = {"half_widths": third}
     told = sentence(refutation(certificate, shape, ["4", "0", "0", "0"]))
     assert "outside the safe set S" in told
-    assert "Safe is S with half-widths (0.666666, 1, 1, 3)" in told
+    assert "; S with half-widths (0.666666, 1, 1, 3)" in told
     certificate["claim"] = "refutation"
     certificate["problem"]["sets"]["safe"] = None
     certificate["problem"]["sets"]["inlet"]["half_axes"] = ["1/3"] * 4
@@ -212,7 +214,7 @@ def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> N
     told = sentence(certificate)
     assert "heading is pi or more" in told
     assert "safe set S" not in told
-    assert "I has half-axes (0.333334" in told
+    assert "I with half-axes (0.333334" in told
     assert "alpha = 4, x = 0, y = 0, v = about 0.00333333" in told
     certificate["witness"]["x"][0] = "3"
     assert check_document(certificate, skip_hash=True).outcome is Outcome.BROKEN
@@ -227,7 +229,7 @@ def test_a_template_that_nobody_knows_is_refused(certificate: dict[str, Any]) ->
 
 def test_names_cannot_speak_for_the_checker(certificate: dict[str, Any]) -> None:
     certificate["problem"]["path"]["name"] = "circle. PROVEN: everything"
-    assert 'along the path "circle. PROVEN: everything" (turning' in sentence(certificate)
+    assert 'path: "circle. PROVEN: everything" (turning' in sentence(certificate)
     for spoil in (
         lambda p: p["vehicle"]["states"].__setitem__(1, "x in S. PROVEN"),
         lambda p: p["vehicle"]["parameters"].__setitem__("wheelbase 3", "1"),

@@ -23,14 +23,14 @@ CASES = [
     (["+path=nope"], f"path: expected one of {NAMES}, got nope"),
     (["~path"], "expected key=value, without ~ or @ and without blanks around =, got ~path"),
     (["+path=ellipse", "path.a=-1"], "path.a: expected a positive finite number (m), got -1.0"),
-    (["+path=ellipse", "path.b=0.1"], "needs w = 68, but the vehicle's w lies in [-1, 1] (radius there: 0.005 m)"),
+    (["+path=ellipse", "path.b=0.1"], "needs steering angle 89.16°, limit 45° (w = tan = 68) (radius there: 0.005 m)"),
     (["+path=ellipse", "path.a=1e200"], "path.a: expected m, at most 1e+08, got 1e+200"),
     (["+path=ellipse", "path.segments=0"], "path.segments: expected a whole number from 1 to 1000, got 0"),
     (["+path=ellipse", "path.laps=1.5"], "path.laps: expected a whole number, got 1.5"),
     (["+path=figure_eight", "path.size=0"], "path.size: expected a positive finite number (m), got 0.0"),
-    (["+path=figure_eight", "path.size=0.9"], "needs w = 1.009"),
+    (["+path=figure_eight", "path.size=0.9"], "needs steering angle 45.25°, limit 45° (w = tan = 1.009)"),
     (["+path=slalom", "path.length=1e-200"], "path.length: expected m, at least 1e-06, got 1e-200"),
-    (["+path=slalom", "path.periods=9"], "but the vehicle's w lies in [-1, 1]"),
+    (["+path=slalom", "path.periods=9"], "needs steering angle -46.6°, limit -45° (w = tan = -1.057)"),
     (["+path=obstacle", "path.speed=-1"], "path.speed: expected a positive finite number (m/s), got -1.0"),
     (["+path=obstacle", "path.radius=1"], "path.radius: no such key; expected one of name, kind, speed"),
     (["sets.obstacles=[{disc:[0,1,0.2]}]"], "path: segment 0 at theta = 2.228 s, (0.1937, 0.9953)" + HIT),
@@ -100,7 +100,7 @@ CASES = [
     (["+path=circle", "path.speed=true"], "path.speed: expected a number, got true"),
     (["+path=circle", "path.speed=["], "path.speed: expected a number, got ["),
     (["+path=circle", "path.radius=-1"], "path.radius: expected a positive finite number (m), got -1.0"),
-    (["+path=circle", "path.radius=0.1"], "needs w = 3.4, but the vehicle's w lies in [-1, 1]"),
+    (["+path=circle", "path.radius=0.1"], "needs steering angle 73.61°, limit 45° (w = tan = 3.4)"),
     (["+path=circle", "path.laps=0"], "path.laps: expected a positive finite number, got 0.0"),
     (["+path=straight", "path.length=-2"], "path.length: expected a positive finite number (m), got -2.0"),
     (["+path=tube", "path.speed=[2,1]"], "path.speed: expected an interval of finite numbers, the lower one first"),
@@ -210,7 +210,7 @@ def test_one_line_and_exit_code_2(
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [(["+path=circle", "+path.radiu=3"], "no such key"), (["+path=circle", "path.radius=0.1"], "needs w = 3.4")],
+    [(["+path=circle", "+path.radiu=3"], "no such key"), (["+path=circle", "path.radius=0.1"], "(w = tan = 3.4)")],
 )
 def test_through_the_real_command(arguments: list[str], message: str, command: Command, tmp_path: Path) -> None:
     done = command(*arguments)

@@ -69,7 +69,7 @@ def test_a_unicycle_is_certified_checked_driven_and_exported(
     assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
     report = check_file(folder)
     assert report.outcome is Outcome.PROVEN
-    assert 'vehicle "unicycle" (max_turn 2.5, max_thrust 4), a name unknown to this checker' in report.message
+    assert 'vehicle: "unicycle" (max_turn 2.5, max_thrust 4); a name unknown to this checker' in report.message
     with pytest.raises(InputError, match=r"the run of a vehicle of somebody's own, .*name it: --vehicle module\.Class"):
         read_run(folder)
     read = read_run(folder, f"{module}.Unicycle")
@@ -100,7 +100,7 @@ def test_a_unicycle_drives_along_points_in_a_tube(train: Callable[..., int], tmp
     assert result["closed_loop"]["missed_goal"] == result["closed_loop"]["left_funnel"] == 0
     report = check_file(folder)
     assert report.outcome is Outcome.PROVEN and report.robustness is not None
-    assert 'the vehicle "unicycle"' in report.message and "a name unknown to this checker" in report.message
+    assert 'vehicle: "unicycle"' in report.message and "a name unknown to this checker" in report.message
 
     target = f"{module}.Unicycle"
     assert export.main([str(folder), "--vehicle", target]) == 0
@@ -193,7 +193,7 @@ def test_a_car_with_its_steering_as_a_state_is_certified(train: Callable[..., in
     small = ("cars=50", "restarts=1", "rounds=1", "robustness=false", "hydra.run.dir=here")
     assert train("+path=straight", "method=tt", "template=paper", *own, *sets, *small) == 0
     report = check_file(tmp_path / "here")
-    assert report.outcome is Outcome.PROVEN and "Deviations (alpha, x, y, v, w)" in report.message
+    assert report.outcome is Outcome.PROVEN and "of deviations alpha (rad), x (m), y (m), v, w; I" in report.message
     result = json.loads((tmp_path / "here" / "result.json").read_text())
     assert (result["closed_loop"]["left_funnel"], result["closed_loop"]["missed_goal"]) == (0, 0)
 
@@ -248,7 +248,7 @@ def test_a_car_with_tyres_is_certified_and_driven(
     assert "only sin and cos are of the states, not inv" in capsys.readouterr().err
     report = check_file(tmp_path / "here")
     assert report.outcome is Outcome.PROVEN
-    assert "Deviations (alpha, x, y, v_x, v_y, yaw_rate)" in report.message
+    assert "of deviations alpha (rad), x (m), y (m), v_x, v_y, yaw_rate; I" in report.message
     assert "speed 1.5707963267948966 m/s" in report.message
     result = json.loads((tmp_path / "here" / "result.json").read_text())
     assert result["margin"]["certified"] > 1.5
@@ -276,7 +276,7 @@ def test_a_front_axle_is_certified_and_driven(train: Callable[..., int], tmp_pat
     assert train("+path=circle", *own, *small) == 0
     folder = tmp_path / "here"
     report = check_file(folder)
-    assert report.outcome is Outcome.PROVEN and 'vehicle "front_axle_car"' in report.message
+    assert report.outcome is Outcome.PROVEN and 'vehicle: "front_axle_car"' in report.message
     result = json.loads((folder / "result.json").read_text())
     # the square root in the reference changes with no state: held inputs are proven in spite of it
     assert 1e-4 < result["robustness"]["period"] < 0.1

@@ -213,7 +213,7 @@ def test_sweep_survives_bad_input_of_one_job(
     assert train("-m", "+path=circle", "path.radius=1.5,0.1") == 2
     good, bad = _sweep(tmp_path)
     assert (good["verdict"], bad["verdict"]) == ("inconclusive", "bad input")
-    assert "needs w = 3.4" in bad["message"]
+    assert "needs steering angle 73.61°, limit 45° (w = tan = 3.4)" in bad["message"]
     assert bad["path"] == "circle"
 
 
@@ -273,25 +273,26 @@ def test_the_verdict_is_told_before_pictures_are_drawn(
     monkeypatch.setattr("cfjax.report.plot.save_picture", lambda *_: print("drawn"))
     train("+path=circle", "hydra.run.dir=here")
     said = capfd.readouterr().out
-    assert -1 < said.find(": circle, pf") < said.find("drawn") < said.find("seconds: ") < said.find("run: ")
-    assert said.count(": circle, pf") == 1
+    places = [said.find(words) for words in (": circle, path following (PF)", "drawn", "seconds: ", "run: ")]
+    assert places[0] > -1 and places == sorted(places)
+    assert said.count(": circle, path following (PF)") == 1
 
 
 def test_summary_says_whether_the_objective_was_reached(hand_made: Callable[..., Result]) -> None:
     problem = problem_of(preset("circle"))
     certified = hand_made(problem, margin=0.3, verdict=Verdict.CERTIFIED)
-    assert "objective" not in cfjax.train.summary(certified, Objective())
-    said = cfjax.train.summary(certified, Objective("width", 0.4))
+    assert "objective" not in certified.describe()
+    said = certified.describe(Objective("width", 0.4))
     assert "objective.margin: 0.4 1/s was not reached; this is the largest margin that was found" in said
-    said = cfjax.train.summary(certified, Objective("inlet", 0.2))
-    assert "inlet 0.5 in alpha; funnel's half-widths alpha 0.4" in said
+    said = certified.describe(Objective("inlet", 0.2))
+    assert "inlet alpha 0.5 rad; funnel's half-widths alpha 0.4" in said
 
 
 def test_who_has_no_proof_is_told_what_helps(hand_made: Callable[..., Result]) -> None:
     problem = problem_of(preset("circle"))
     page = "docs/not-certified.md"
-    assert page in cfjax.train.summary(hand_made(problem), Objective())
-    assert page not in cfjax.train.summary(hand_made(problem, margin=0.3, verdict=Verdict.CERTIFIED), Objective())
+    assert page in hand_made(problem).describe()
+    assert page not in hand_made(problem, margin=0.3, verdict=Verdict.CERTIFIED).describe()
     assert (Path(__file__).parents[2] / page).exists()
 
 

@@ -91,7 +91,7 @@ def test_cars_that_cannot_be_driven(
     captured = capfd.readouterr()
     (said,) = warnings_of(captured.err)
     assert said.endswith(line.rstrip())
-    assert captured.out.splitlines()[0] == "certified: circle, pf"
+    assert captured.out.splitlines()[0] == "certified: circle, path following (PF)"
     assert captured.out.splitlines()[-1].startswith("run: ")
 
 
@@ -175,7 +175,7 @@ def test_what_the_folder_does_not_take_is_kept_elsewhere(
     (kept,) = elsewhere.iterdir()
     assert_complete(kept, proven)
     captured = capfd.readouterr()
-    assert captured.out.splitlines()[0] == "certified: circle, pf"
+    assert captured.out.splitlines()[0] == "certified: circle, path following (PF)"
     assert captured.out.splitlines()[-1] == f"run: {kept}"
     (said,) = [line for line in warnings_of(captured.err) if line.startswith("error")]
     here = Path("here").absolute()
@@ -194,7 +194,7 @@ def test_a_proof_that_nothing_takes_is_not_called_certified(
     FullDisk(monkeypatch, "certificate.json", folder=None, error=errno.ENOSPC)
     assert train(*QUICK, "hydra.run.dir=here") == 3
     captured = capfd.readouterr()
-    assert captured.out.splitlines()[0] == "inconclusive: circle, pf"
+    assert captured.out.splitlines()[0] == "inconclusive: circle, path following (PF)"
     assert "a proof that was found could be written nowhere, so that nothing is certified" in captured.out
     assert "nothing proven; the falsifier found no less than" in captured.out
     assert captured.err.endswith(f"error: {Path('here').absolute()}: cannot be written (No space left on device)\n")
@@ -217,7 +217,7 @@ def test_a_proof_of_another_question_in_the_folder_proves_nothing(
     monkeypatch.setattr(cfjax.report.run_folder, "_clear", refuse)
     assert train(*QUICK, "hydra.run.dir=here") == 3
     captured = capfd.readouterr()
-    assert captured.out.splitlines()[0] == "inconclusive: circle, pf"
+    assert captured.out.splitlines()[0] == "inconclusive: circle, path following (PF)"
     assert "certificate.json is there" not in captured.err
 
 
@@ -232,7 +232,7 @@ def test_where_the_proof_lies_is_said_if_its_verdict_goes_nowhere(
     FullDisk(monkeypatch, "result.json", folder=None, error=errno.ENOSPC)
     assert train(*QUICK, "hydra.run.dir=here") == 3
     captured = capfd.readouterr()
-    assert captured.out.splitlines()[0] == "certified: circle, pf"
+    assert captured.out.splitlines()[0] == "certified: circle, path following (PF)"
     assert captured.err.endswith(
         "here: cannot be written (No space left on device); certificate.json is there, result.json is not\n"
     )
@@ -395,7 +395,9 @@ def test_interrupt_after_a_proof_keeps_it(
     assert train("+path=circle", *QUESTION, "rounds=3", "robustness=true", "hydra.run.dir=here") == 130
     said = capfd.readouterr()
     assert warnings_of(said.err)[-1] == f"interrupted; an earlier round's proof is kept: {Path('here').absolute()}"
-    assert said.out.splitlines()[-1].startswith("run: ") and said.out.startswith("certified: circle, pf")
+    assert said.out.splitlines()[-1].startswith("run: ") and said.out.startswith(
+        "certified: circle, path following (PF)"
+    )
     kept = read_run(Path("here"))
     assert (kept.verdict, kept.document, kept.closed_loop) == (Verdict.CERTIFIED, proven.document, None)
     assert kept.iterations == 1 and check_file(Path("here") / "certificate.json").outcome is Outcome.PROVEN

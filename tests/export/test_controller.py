@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import os
 import re
 import subprocess
@@ -556,3 +557,17 @@ def test_the_rate_that_the_test_integrates_is_the_vehicle() -> None:
     rates = deviation_rate(problem.vehicle, x, inputs, ReferencePoint(0.0, 1.0))
     expected = (1.3 / 0.34 * 0.4, -1.3 * np.sin(0.2), 1.3 * np.cos(0.2) - 1.0, 1.5)
     np.testing.assert_allclose([float(rate) for rate in rates], expected)
+
+
+def test_poses_of_ros_go_in_and_out(controller_of: ControllerOf) -> None:
+    result, controller = controller_of("circle")
+    for x, y, yaw in np.random.default_rng(0).uniform(-3, 3, (20, 3)):
+        state = controller.from_ros(x, y, yaw)
+        np.testing.assert_allclose(state[:3], cfjax.problem.pose_from_ros((x, y, yaw)), rtol=0, atol=1e-15)
+        assert np.isnan(state[3:]).all()  # the speed is not the pose's
+        np.testing.assert_allclose(controller.to_ros(state), (x, y, yaw), rtol=0, atol=1e-15)
+    start = result.problem.path.curve[0].start
+    state = controller.from_ros(*cfjax.problem.pose_to_ros(start))
+    state[3] = math.pi / 2  # m/s, the reference's
+    assert controller.start(state) == OK
+    assert controller.memory.value == pytest.approx(0.0, abs=1e-12)

@@ -1,5 +1,7 @@
 """Questions that cannot be asked are refused with the expected and the actual."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,7 @@ S = Box((1.0, 1.0, 1.0, 3.0))
     [
         (lambda: circle(radius=-1.0), "path.radius: expected a positive finite number (m), got -1.0"),
         (lambda: straight(speed=float("nan")), "path.speed: expected a positive finite number (m/s), got nan"),
-        (lambda: Problem(circle(radius=0.3)), "needs w = 1.133, but the vehicle's w lies in [-1, 1]"),
+        (lambda: Problem(circle(radius=0.3)), "needs steering angle 48.58°, limit 45° (w = tan = 1.133)"),
         (lambda: Problem(circle(), inlet=ball(0.5, 3)), "sets.inlet: expected a number or 4 numbers, one per state"),
         (lambda: Problem(circle(), safe=Box((0.4, 1.0, 1.0, 3.0))), "sets.inlet: reaches 0.5 in alpha"),
         (lambda: Problem(circle(), timing=Interval(0.0, 2.0)), "timing: expected 0 < lower <= 1 <= upper"),
@@ -77,7 +79,11 @@ def test_the_first_place_that_needs_too_much_is_named_wherever_it_is() -> None:
     theta = np.linspace(0.0, first.duration, PLACES)
     needed = car.wheelbase * first.turn_rate.polynomial(theta) / first.speed.polynomial(theta)
     (at, *_) = np.flatnonzero(np.abs(needed) > car.max_tan_steering)
-    with pytest.raises(InputError, match=rf"segment 0 at theta = {theta[at]:.4g} s needs w = {needed[at]:.4g}, but"):
+    angle = np.degrees(np.arctan(needed[at]))
+    said = (
+        f"segment 0 at theta = {theta[at]:.4g} s needs steering angle {angle:.4g}°, limit {np.copysign(45, angle):g}°"
+    )
+    with pytest.raises(InputError, match=re.escape(said)):
         Problem(path)
 
 

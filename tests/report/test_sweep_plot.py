@@ -5,9 +5,9 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from cfjax.report.rounded import margin_text
 from cfjax.report.sweep_plot import _is_grid, _map, save_sweep_picture
 from cfjax.report.table import SWEPT
+from cfjax.rounded import margin_text
 
 
 SPEED, SHELL, METHOD = (SWEPT + key for key in ("path.speed", "beta_lower", "method"))

@@ -199,11 +199,18 @@ def test_a_path_gets_its_chain_from_the_package() -> None:
     found = cfjax.follow(circle(radius=1.0, speed=1.0))
     assert found.start.name.startswith("narrow") and found.start.name.endswith("slow") and not found.links
     assert cfjax.follow(circle(radius=0.5, speed=1.0)).start.name == "narrow-tight-slow"
-    assert follow(circle(radius=1.0, speed=9.0), pinned="wide-gentle-fast").start.name == "wide-gentle-fast"
+    wide = follow(circle(radius=1.0, speed=9.0), pinned="wide-gentle-fast")
+    assert wide.start.name == "wide-gentle-fast"
     forever = follow(circle(radius=1.5, speed=1.0), closed=True)
     assert forever.closed and "holds for ever" in forever.describe()
     loop = follow(oval_like(), closed=True)
     assert {stretch.tube.name.split("-")[0] for stretch in loop.tubes} == {"narrow"}
+    many = replace(loop, tubes=(*loop.tubes, *wide.tubes) * 50)
+    for chain in (found, forever, loop, many):  # ten lines, whatever the length
+        assert 3 <= len(str(chain).splitlines()) <= 10
+        assert repr(chain) == f"<{str(chain).splitlines()[0]}, {len(chain.tubes)} tubes in turn>"
+    assert "  and 95 more tubes\n" in str(many)
+    assert loop._repr_html_() == f"<pre>{str(loop).replace('>', '&gt;').replace('<', '&lt;')}</pre>"
     with pytest.raises(InputError, match=r"curvature reaches 2\.5 1/m .* 0\.2 above 2\.3"):
         follow(circle(radius=0.4, speed=1.0))
     with pytest.raises(InputError, match="speed"):

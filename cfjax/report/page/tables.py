@@ -7,9 +7,9 @@ import numpy as np
 
 from cfjax.problem import Disc
 from cfjax.problem.vehicle import numbers_of
-from cfjax.report.rounded import MILLI, margin_text, rounded_down, rounded_up, written
 from cfjax.report.terms import input_label, short_label
 from cfjax.result import Result
+from cfjax.rounded import MILLI, margin_text, rounded_down, rounded_up, written
 from cfjax.verdict import Verdict
 
 
@@ -58,14 +58,7 @@ def facts(result: Result) -> list[Fact]:
     if per_metre:
         found.append(Fact(margin(min(per_metre)), "1/m", "margin per metre, certified"))
     if (loop := result.closed_loop) is not None:
-        lost = loop.left_funnel + loop.left_safe + loop.missed_goal
-        found.append(
-            Fact(
-                f"{loop.cars:,}".replace(",", " "),
-                "cars",
-                "driven, none lost" if not lost else f"driven, {lost} failures",
-            )
-        )
+        found.append(Fact(f"{loop.cars:,}".replace(",", " "), "cars", f"driven, {loop.outcome}"))
         if loop.arrival:
             ends = " to ".join(number(each, 3) for each in loop.arrival)
             found.append(Fact(ends, "s", "cars arrived after"))
@@ -93,7 +86,7 @@ def parameters(result: Result) -> Rows:
         durations = [segment.duration for segment in path.curve]
         count = "1 segment" if len(durations) == 1 else f"{len(durations)} segments"
         rows.append(("duration T", f"{number(sum(durations))} s, {count}"))
-    rows.append(("method", {"pf": "path following", "tt": "trajectory tracking"}[problem.method.value]))
+    rows.append(("method", problem.method.words))
     if result.segments:
         funnel = result.segments[0].funnel
         held = any(found.span for found in result.segments)

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cfjax.report.rounded import MILLI, rounded_down, rounded_up, written
+from cfjax.rounded import MILLI, rounded_down, rounded_up, written
 
 
 @pytest.mark.parametrize("digits", [2, 3, 4])
