@@ -44,6 +44,7 @@ Document = dict[str, Any]
 Attack = Callable[[random.Random, Document], "Document | bytes"]
 ODD_RATIONALS = ("1e9", "1/0", "2/4", "-0", "1/-2", "--1", "0x10", "1_0", " 1", "1\n", "\u0661", "NaN", "")
 CHAIN_SHARE = 0.2  # of the attacks, where there are files with claim `chain` among the certificates
+PLACE_SHARE = 0.5  # of the changes of a chain, where there are obstacles
 LONGEST = 60.0  # seconds that any file may take, on a busy machine; the hostile ones take far less
 
 
@@ -380,9 +381,18 @@ def place_changed(rng: random.Random, document: Document) -> Document:
             end = str(duration_of(segment_of(document, kind)))
             segment.append([[{**plane, "end": end}] for _ in sets["footprint"]])
         return document
+    if how == "none":
+        proofs["clearance"] = []
+    else:
+        clearance_changed(rng, how, sets, proofs["clearance"])
+    return document
+
+
+def clearance_changed(rng: random.Random, how: str, surroundings: Document, clearance: list) -> None:
+    """An obstacle, a disc of the body or a half-plane as `place_changed` has it."""
     near = Fraction(rng.choice([-1, 1]), 10 ** rng.randint(0, 9))
-    obstacle, disc = rng.choice(sets["obstacles"]), rng.choice(sets["footprint"])
-    planes = rng.choice(rng.choice(rng.choice(proofs["clearance"])))
+    obstacle, disc = rng.choice(surroundings["obstacles"]), rng.choice(surroundings["footprint"])
+    planes = rng.choice(rng.choice(rng.choice(clearance)))
     plane = rng.choice(planes)
     if how == "corner":
         corner, k = rng.choice(obstacle["corners"]), rng.randrange(2)
@@ -396,11 +406,8 @@ def place_changed(rng: random.Random, document: Document) -> Document:
         plane["normal"][k] = str(rng.choice([-1, 1]) * Fraction(plane["normal"][k]) + near)
     elif how == "end":
         plane["end"] = str(Fraction(plane["end"]) + near)
-    elif how == "out":
-        planes.remove(plane)
     else:
-        proofs["clearance"] = []
-    return document
+        planes.remove(plane)
 
 
 def function_dropped(rng: random.Random, document: Document) -> Document:
@@ -682,9 +689,13 @@ ATTACKS: dict[str, tuple[Attack, int]] = {  # with weights
 
 
 def chain_changed(rng: random.Random, document: Document) -> Document:
-    """Of a path with its tubes: another path, tube, run, level, car or set, or a tube whose own file is spoiled."""
+    """Of a path with its tubes: another path, tube, run, level, car, set, obstacle, or a tube whose file is spoiled."""
     path, pieces = document["path"], document["path"]["pieces"]
     how = rng.choice(["piece", "piece", "tube", "scale", "run", "level", "car", "closed", "drop", "sets", "speed"])
+    if document.get("clearance") and rng.random() < PLACE_SHARE:
+        kinds = ["corner", "corner", "round", "radius", "offset", "plane", "end", "out"]
+        clearance_changed(rng, rng.choice(kinds), document["surroundings"], document["clearance"])
+        return document
     near = Fraction(rng.choice([-1, 1]), 10 ** rng.randint(0, 9))
     if how == "piece":
         values = rng.choice(pieces)[rng.choice(["turn_rate", "speed"])]

@@ -169,24 +169,29 @@ def poses_of(document: Document) -> list[np.ndarray]:
 def _touches(document: Document) -> bool:
     """Whether a deviation on the funnel's boundary, at some sampled place, brings a disc of the body to an obstacle."""
     problem, funnels = document["problem"], document["funnels"]
-    path, sets = problem["path"], problem["sets"]
-    directions = np.random.default_rng(5).normal(size=(512, 4))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    theta = {}
+    path, theta = problem["path"], {}
     for piece, poses in zip(path["pieces"], poses_of(document), strict=True):
         index, begin = piece["segment"], theta.get(piece["segment"], 0.0)
         funnel = funnels[path["kinds"][index]]
-        x = directions @ np.linalg.inv(np.linalg.cholesky(shape_of(funnel)))
         at = np.linspace(begin, begin + number(piece["duration"]), POSES)
         theta[index] = at[-1]
         root = np.sqrt(np.maximum(_level(funnel, at), 0.0))
-        for disc in sets["footprint"]:
-            centres = body_centres(poses, root, x, number(disc["offset"])).reshape(-1, 2)
-            for obstacle in sets["obstacles"]:
-                corners = np.array([[number(x), number(y)] for x, y in obstacle["corners"]])
-                least = number(obstacle["round"]) + number(disc["radius"])
-                if distances(centres, corners).min() < least - TOLERANCE:
-                    return True
+        if _reaches(poses, root, shape_of(funnel), problem["sets"]):
+            return True
+    return False
+
+
+def _reaches(poses: np.ndarray, root: np.ndarray, shape: np.ndarray, surroundings: Document) -> bool:
+    """Whether a deviation with xᵀ C x = root² brings a disc of the body to an obstacle, at some of the poses."""
+    directions = np.random.default_rng(5).normal(size=(512, len(shape)))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    x = directions @ np.linalg.inv(np.linalg.cholesky(shape))
+    for disc in surroundings["footprint"]:
+        centres = body_centres(poses, root, x, number(disc["offset"])).reshape(-1, 2)
+        for obstacle in surroundings["obstacles"]:
+            corners = np.array([[number(x), number(y)] for x, y in obstacle["corners"]])
+            if distances(centres, corners).min() < number(obstacle["round"]) + number(disc["radius"]) - TOLERANCE:
+                return True
     return False
 
 
@@ -257,6 +262,11 @@ def is_true_chain(document: Document, seed: int = 0) -> str:
         level = min(1 / np.linalg.eigvals(np.linalg.solve(first["shape"], second["shape"])).real.max(), 1.0)
         if _level_after(first, ends[index + 1] - ends[index]) > level * (1 + 1e-6):
             return "link"
+    around = document.get("surroundings")
+    if around and around["obstacles"]:
+        each = zip(poses_of({"problem": {"path": path}}), owners, strict=True)
+        if any(_reaches(poses, np.ones(len(poses)), tubes[owner]["shape"], around) for poses, owner in each):
+            return "obstacle"
     if document["sets"]:
         finish = _level_after(tubes[runs[-1]["tube"]], ends[-1] - ends[-2])
         return _false_sets(document["sets"], [tubes[run["tube"]]["shape"] for run in runs], finish)

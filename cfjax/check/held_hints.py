@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
-from typing import Any, NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from flint import fmpq
 
@@ -55,7 +55,10 @@ class TubeHints:
     bands: tuple[HeldStretch, ...]
 
 
-class RobustnessFile(NamedTuple):
+Hints = TypeVar("Hints")
+
+
+class RobustnessFile(NamedTuple, Generic[Hints]):
     """A file about a certificate: amounts that it states, and hints for the bounds that allow them.
 
     `hints` are those of each funnel, or of each tube of a chain. `entries` has for each funnel √γ, V being at most γ
@@ -63,11 +66,11 @@ class RobustnessFile(NamedTuple):
     """
 
     stated: Stated
-    hints: tuple[Any, ...]
+    hints: tuple[Hints, ...]
     entries: tuple[fmpq, ...] = ()
 
 
-def read_chain_robustness(document: object, certificate: str, tubes: int, states: int) -> RobustnessFile:
+def read_chain_robustness(document: object, certificate: str, tubes: int, states: int) -> RobustnessFile[TubeHints]:
     """Of a parsed file about the chain with that hash: `hints` are `TubeHints`.
 
     Raises:
@@ -82,7 +85,9 @@ def read_chain_robustness(document: object, certificate: str, tubes: int, states
     return RobustnessFile(_stated(amounts, states), tuple(found))
 
 
-def read_robustness(document: object, certificate: str, funnels: int, states: int) -> RobustnessFile:
+def read_robustness(
+    document: object, certificate: str, funnels: int, states: int
+) -> RobustnessFile[tuple[HeldStretch, ...]]:
     """Of a parsed file about the certificate with that hash: `hints` are the stretches of each of its funnels.
 
     Raises:

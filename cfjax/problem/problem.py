@@ -321,7 +321,7 @@ class Problem:
                     f"there, {radius:g} m"
                 )
 
-    @property
+    @cached_property
     def room(self) -> float:
         """The least distance (m) from the body to an obstacle while the vehicle is on its reference; inf without one.
 

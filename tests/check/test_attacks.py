@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from cfjax.problem import circle
+from cfjax.problem import Disc, circle
 from cfjax.tubes import chain_document, follow
 
 
@@ -73,6 +73,18 @@ def test_nothing_false_is_accepted_of_a_path_with_its_tubes(campaign: ModuleType
             holder = holder[key]
         holder[path[-1]] = value
         assert campaign.is_true_chain(document) == expected
+
+
+def test_nothing_false_is_accepted_beside_obstacles(campaign: ModuleType, tmp_path: Path) -> None:
+    pole = Disc(2.6, 0.0, 0.3)
+    text = json.dumps(chain_document(follow(circle(1.5, 1.2), closed=True, obstacles=[pole], footprint=[[0.2, 0.1]])))
+    document = json.loads(text)
+    assert campaign.is_true_chain(document) == ""
+    document["surroundings"]["obstacles"][0]["corners"] = [["2", "0"]]
+    assert campaign.is_true_chain(document) == "obstacle"
+    entries = run(tmp_path, (text,), "--count", "24", "--seed", "3", "--only", "chain changed")
+    assert campaign.failures(entries) == []
+    assert {entry["outcome"] for entry in entries} >= {"true, accepted"}
 
 
 def test_the_truth_sees_what_is_false_of_a_lap(campaign: ModuleType, lap_text: str) -> None:
