@@ -7,7 +7,10 @@ import pytest
 from flint import fmpq
 from scipy.integrate import solve_ivp
 
+from cfjax.check.document import FunnelClaim
 from cfjax.check.handover import Run, hands_over, needed_distance, prove_chain
+from cfjax.check.level import Contracting
+from cfjax.check.proof import is_entered
 from cfjax.check.rational import rational
 from cfjax.check.reference import Gap, Reference
 from cfjax.control.law import LAW_SHARE
@@ -95,3 +98,18 @@ def test_a_chain_is_proven_link_by_link() -> None:
 def test_numbers_of_no_tube_are_refused(changes: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         tube(**changes)
+
+
+def test_a_funnel_is_entered_below_its_root_less_the_jump() -> None:
+    """Equal funnels, C = 4 I: V ≤ 1 of the first lies in √V < root where root > 1, and by a jump of 1/20 m later."""
+    shape = [[fmpq(4 * (i == j)) for j in range(4)] for i in range(4)]
+    funnel = FunnelClaim(Contracting(fmpq(0)), shape, fmpq(9, 10), fmpq(9, 10), fmpq(1), None)
+    still, jumps = Gap(*(fmpq(0),) * 4), Gap(fmpq(0), fmpq(1, 20), fmpq(0), fmpq(0))  # √C_xx/20 = 1/10
+    for gap, root, inside in (
+        (still, fmpq(1001, 1000), True),
+        (still, fmpq(999, 1000), False),
+        (jumps, fmpq(1101, 1000), True),
+        (jumps, fmpq(1099, 1000), False),
+        (jumps, fmpq(1, 20), False),
+    ):
+        assert is_entered(funnel, fmpq(1), funnel, gap, root) is inside

@@ -108,6 +108,7 @@ def test_a_tube_that_is_too_wide_is_left_in_time() -> None:
     [
         (lambda d: d["surroundings"]["obstacles"][0].update(corners=[["5", "1/2"]]), Outcome.BROKEN, "obstacle 0"),
         (lambda d: d["surroundings"]["footprint"][0].update(radius="3/2"), Outcome.BROKEN, "run 0, obstacle 0"),
+        (lambda d: d["surroundings"]["footprint"][1].update(radius="3/2"), Outcome.BROKEN, "run 0, obstacle 0"),
         (lambda d: d["surroundings"].update(footprint=[]), Outcome.UNREADABLE, "clearance"),
         (lambda d: d["clearance"].pop(), Outcome.UNREADABLE, "clearance"),
         (lambda d: d.pop("clearance"), Outcome.UNREADABLE, "clearance"),
@@ -135,6 +136,11 @@ def test_half_planes_of_another_run_prove_nothing() -> None:
     assert len(document["runs"]) == 2 and check_document(document).outcome is Outcome.PROVEN
     document["clearance"].reverse()
     assert check_document(sealed(document)).outcome is Outcome.BROKEN
+    document["clearance"].reverse()
+    place = [str(fmpq(round(64 * value), 64)) for value in bend.poses(np.array([9.0]))[0, 1:]]  # on the second run
+    document["surroundings"]["obstacles"][0].update(corners=[place])
+    report = check_document(sealed(document))
+    assert report.outcome is Outcome.BROKEN and "run" in report.message
 
 
 def test_a_lap_of_another_car_is_clear() -> None:
