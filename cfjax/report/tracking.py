@@ -10,7 +10,8 @@ from pathlib import Path
 
 from cfjax.conf import Config, CustomConfig, one_line
 from cfjax.report.files import CERTIFICATE, PICTURE, write_whole
-from cfjax.report.run_folder import confirmed, read_run, result_json
+from cfjax.report.result_json import result_json
+from cfjax.report.run_folder import confirmed, read_run
 from cfjax.result import Result
 
 

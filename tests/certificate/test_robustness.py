@@ -487,6 +487,8 @@ def test_v_is_below_its_entry_where_the_lap_begins_again(absorbed: Any) -> None:
     assert answer(str(rational(own) + rational(0.01)))[0] is Outcome.PROVEN
     outcome, message = answer(str(rational(own) - rational(0.01)))
     assert outcome is Outcome.BROKEN and "V is not below the entry claimed" in message
+    outcome, message = answer("999/1000")  # true, and so near to 1 that no room is left for what is held
+    assert outcome is Outcome.BROKEN and "the bounds do not allow the period" in message
     assert answer("-1/2")[0] is Outcome.UNREADABLE
 
 

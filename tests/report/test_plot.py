@@ -23,7 +23,7 @@ from cfjax.report.page import save_page
 from cfjax.report.panels import shown_of, shown_pairs
 from cfjax.report.plane import Course, Plane, body_region, disc_shadows, positions, shadows, swept
 from cfjax.report.plot import POINTS, compose, plot, save_picture
-from cfjax.report.run_folder import result_json
+from cfjax.report.result_json import result_json
 from cfjax.report.style import STYLE
 from cfjax.result import Result, Rollouts, StretchMargin
 from cfjax.verdict import Verdict

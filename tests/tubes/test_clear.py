@@ -133,6 +133,13 @@ def test_half_planes_of_another_run_prove_nothing() -> None:
     path = Path("narrowing", (bend,))
     found = follow(path, [by_name["wide-gentle-slow"], only_bends], obstacles=(Disc(1.5, 2.0, 0.2),), footprint=BODY)
     document = chain_document(found)
+    second = found.runs[1].span(found.reference)
+    heading, x, y = bend.poses(
+        np.array([sum(float(piece.duration) for piece in found.runs[0].span(found.reference).pieces)])
+    )[0]
+    assert float(second.start.heading) == pytest.approx(heading, abs=1e-9)
+    place = float(second.start.position.real.mid()), float(second.start.position.imag.mid())
+    assert place == pytest.approx((x, y), abs=1e-6)
     assert len(document["runs"]) == 2 and check_document(document).outcome is Outcome.PROVEN
     document["clearance"].reverse()
     assert check_document(sealed(document)).outcome is Outcome.BROKEN
