@@ -211,17 +211,21 @@ def _check_start(index: int, start: tuple[fmpq, fmpq, fmpq], pose: ExactPose) ->
         )
 
 
-def write_pieces(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
-    """A path in exact numbers."""
-    return [
-        {
-            "segment": piece.segment,
-            "duration": str(piece.duration),
-            "turn_rate": [str(c) for c in piece.turn_rate],
-            "speed": [str(c) for c in piece.speed],
-        }
-        for piece in pieces
-    ]
+def write_path(path: Path, pieces: Sequence[Piece], closed: bool) -> dict[str, Any]:
+    """A path whose pieces in exact numbers are these; closed: one lap, driven again and again."""
+    return {
+        "name": path.name,
+        "closed": closed,
+        "start": [str(value) for value in exact_numbers(path.curve[0].start)],
+        "pieces": [
+            {
+                "duration": str(piece.duration),
+                "turn_rate": [str(c) for c in piece.turn_rate],
+                "speed": [str(c) for c in piece.speed],
+            }
+            for piece in pieces
+        ],
+    }
 
 
 def write_surroundings(surroundings: Surroundings) -> dict[str, Any]:
@@ -236,11 +240,11 @@ def write_surroundings(surroundings: Surroundings) -> dict[str, Any]:
 
 
 def write_clearance(clearance: Clearance) -> list:
-    """Half-planes by span, obstacle and disc of the footprint."""
+    """Half-planes by leg, obstacle and disc of the footprint."""
     return [
         [
             [[{"end": str(plane.end), "normal": [str(n) for n in plane.normal]} for plane in disc] for disc in obstacle]
-            for obstacle in span
+            for obstacle in leg
         ]
-        for span in clearance
+        for leg in clearance
     ]

@@ -17,10 +17,10 @@ import numpy as np
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from cfjax import Interval, KinematicBicycle
+from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.program import coefficients, program_of
 from cfjax.certificate.rounding import dyadic, round_funnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on
-from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
 from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.conf import preset, problem_of
@@ -78,12 +78,13 @@ def main() -> None:
     learned = learn(problem, template_named("contracting"))
     assert learned is not None
     segment = problem.path.curve[0]
-    rounded, graph = round_funnel(learned.funnel, segment), trace_deviation(problem.vehicle)
+    rounded = round_funnel(learned.funnel, segment)
+    asked = question_of(statement_of(problem).claim, rounded)
     print(f"falsified margin {learned.margin:.4f} 1/s")
 
     pieces = [piece for piece in exact_course(problem.path).pieces if piece.segment == 0]
     whole = bounded(pieces, fmpq(0), sum((piece.duration for piece in pieces), fmpq(0)))
-    questions = decreases_on(problem, rounded, graph, whole)
+    questions = decreases_on(asked, rounded, whole)
     solver = solver_named(arguments.solver)
     found = solver.solve([program_of(q, c) for q in questions for c in q.cells()])
     print(f"ends of the curvature, one stretch: {report(found)}")
@@ -95,7 +96,7 @@ def main() -> None:
 
         def question(turn_rate: int, span: tuple[fmpq, fmpq] = span) -> SteadyDecrease:
             ends = (fmpq(turn_rate),) * 2, (fmpq(1),) * 2, (fmpq(0),) * 2
-            return decreases_on(problem, rounded, graph, Stretch(*span, Bounds(*ends)))[0]
+            return decreases_on(asked, rounded, Stretch(*span, Bounds(*ends)))[0]
 
         still = question(0)
         turning = replace(question(1), enclosures=still.enclosures)

@@ -1,10 +1,11 @@
 """Whether what a certificate claims is true, in floating point and by a search: what the checker is held against.
 
 Nothing of the checker is used. The dynamics are evaluated from the graph in the document, on many points of the shell
-(at many θ of a segment, at many references within a tube's bounds), the worst of them driven downhill; links, the end
-of a lap and obstacles are sampled.
+(at many θ of a leg, at many references within bounds), the worst of them driven downhill; joints, the end of a lap and
+obstacles are sampled. Of a funnel that is proven for another car nothing is asked but that the car that drives has it.
 """
 
+import itertools
 import json
 from collections.abc import Callable
 from fractions import Fraction
@@ -28,100 +29,149 @@ def number(text: str) -> float:
 
 def is_true(document: Document, seed: int = 0) -> str:
     """Empty where nothing against the claim was found; else what is false."""
-    problem, funnels = document["problem"], document["funnels"]
-    sets, path = problem["sets"], problem["path"]
-    kinds = [0] if is_tube(path) else path["kinds"]
+    problem, sets = document["problem"], document["problem"]["sets"]
     if problem["vehicle"]["name"] == "kinematic_bicycle" and not _is_bicycle(problem):
         return "vehicle"
     if not number(problem["inputs"][0]["lower"]) > 0:
         return "sign"
-    limits = [number(width) for width in sets["safe"]["half_widths"]] if sets["safe"] else [np.inf] * 4
-    limits[0] = min(limits[0], np.pi)
-    for kind, funnel in enumerate(funnels):
-        shape, segment = shape_of(funnel), segment_of(document, kind)
-        end, widest = _levels(funnel, segment)
-        inlet, goal = (np.array([number(a) for a in sets[name]["half_axes"]]) for name in ("inlet", "goal"))
-        if kind == kinds[0] and np.linalg.eigvalsh(shape * np.outer(inlet, inlet))[-1] > 1 + TOLERANCE:
-            return "(a)"
-        if kind == kinds[-1] and np.linalg.eigvalsh(shape * np.outer(goal, goal))[0] < end * (1 - TOLERANCE):
-            return "(b)"
-        reach = np.sqrt(widest * np.diag(np.linalg.inv(shape)))
-        if np.any(reach > np.array(limits) * (1 + TOLERANCE)):
-            return "(c)"
+    funnels = [driven(document, index) for index in range(len(document["funnels"]))]
+    legs = legs_of(document)
+    everywhere = is_bounds(problem["path"])
+    for funnel in funnels:
         claims = [name for name in (SECOND, METRE) if funnel[name] is not None]
-        if is_tube(path) != (METRE in claims) or (is_tube(path) and number(funnel["rate"])):
+        if (everywhere and METRE not in claims) or (METRE in claims and number(funnel["rate"])):
             return "kind"
         if any(not number(funnel[name]) > 0 for name in claims):
             return "sign"
-    if not is_tube(path) and (false := _false_course(document)):
+    own = legs or [(0, problem["path"]["bounds"])]
+    ends = [_end_form(funnels[index], segment, problem) for index, segment in own]
+    if false := _false_sets(sets, [funnels[index] for index, _ in own], [segment for _, segment in own], ends[-1]):
         return false
-    if sets["obstacles"] and (is_tube(path) or _touches(document)):
+    if not everywhere and (false := _false_course(document, funnels, ends)):
+        return false
+    if sets["obstacles"] and (everywhere or _touches(document, funnels)):
         return "obstacle"
-    for kind, funnel in enumerate(funnels):
-        claims = [name for name in (SECOND, METRE) if funnel[name] is not None]
-        if any(
-            worst_margin(claim_of(document, kind), name, seed) < number(funnel[name]) - TOLERANCE for name in claims
-        ):
+    for index, segment in own:
+        claims = [name for name in (SECOND, METRE) if funnels[index][name] is not None]
+        claim = _claim(problem, funnels[index], segment)
+        if any(worst_margin(claim, name, seed) < number(funnels[index][name]) - TOLERANCE for name in claims):
             return "(d)"
     return ""
 
 
-def segment_of(document: Document, kind: int = 0) -> Any:
-    """The tube's bounds, or the pieces of the first segment of a kind: the same objects as in the document."""
+def driven(document: Document, index: int) -> Document:
+    """A funnel as the car that drives has it: by similarity, where it is proven for another one."""
+    funnel = document["funnels"][index]
+    if funnel["model"] is None:
+        return funnel
+    length, speed = (Fraction(funnel["model"][name]) for name in ("length", "speed"))
+    axes = [Fraction(1), length, length, speed]
+    places = [(i, j) for i in range(4) for j in range(i + 1)]
+    shape = [str(Fraction(c) / axes[i] / axes[j]) for c, (i, j) in zip(funnel["shape"], places, strict=True)]
+    per_metre = None if funnel[METRE] is None else str(Fraction(funnel[METRE]) / length)
+    margin = str(Fraction(funnel[SECOND]) * speed / length)
+    return {**funnel, "model": None, "shape": shape, SECOND: margin, METRE: per_metre}
+
+
+def legs_of(document: Document) -> list[tuple[int, list[Document]]]:
+    """The funnel of each leg and its pieces; none where every path within bounds is meant."""
+    found, begin = [], 0
+    for leg in document["legs"]:
+        found.append((leg["funnel"], document["problem"]["path"]["pieces"][begin : leg["end"]]))
+        begin = leg["end"]
+    return found
+
+
+def segment_of(document: Document, index: int = 0) -> Any:
+    """The bounds of every path that is meant, or the pieces of a funnel's first leg: the same as in the document."""
     path = document["problem"]["path"]
-    if is_tube(path):
-        return path["tube"]
-    index = path["kinds"].index(kind)
-    return [piece for piece in path["pieces"] if piece["segment"] == index]
+    if is_bounds(path):
+        return path["bounds"]
+    return next(pieces for funnel, pieces in legs_of(document) if funnel == index)
 
 
-def is_tube(segment: Any) -> bool:
-    """Whether it is that of a path, or of a segment."""
-    return isinstance(segment, dict) and ("curvature" in segment or "tube" in segment)
+def is_bounds(segment: Any) -> bool:
+    """Whether it is that of every path within bounds."""
+    return isinstance(segment, dict) and ("curvature" in segment or "bounds" in segment)
 
 
 def duration_of(segment: Any) -> Fraction:
-    return Fraction(0) if is_tube(segment) else sum((Fraction(piece["duration"]) for piece in segment), Fraction(0))
+    return Fraction(0) if is_bounds(segment) else sum((Fraction(piece["duration"]) for piece in segment), Fraction(0))
 
 
 def shape_of(funnel: Document) -> np.ndarray:
     return symmetric([number(entry) for entry in funnel["shape"]])
 
 
-def claim_of(document: Document, kind: int = 0) -> str:
-    """What the true margins of one funnel depend on."""
-    funnel = {**document["funnels"][kind], SECOND: "", METRE: ""}
-    question = {name: document["problem"][name] for name in ("vehicle", "method", "inputs")}
-    return json.dumps([question, funnel, segment_of(document, kind)], sort_keys=True)
+def claim_of(document: Document, index: int = 0) -> str:
+    """What the true margins of one funnel depend on, along its first leg."""
+    return _claim(document["problem"], driven(document, index), segment_of(document, index))
 
 
-# --- a course: joints, laps, obstacles
+def _claim(problem: Document, funnel: Document, segment: Any) -> str:
+    question = {name: problem[name] for name in ("vehicle", "method", "inputs")}
+    return json.dumps([question, {**funnel, SECOND: "", METRE: ""}, segment], sort_keys=True)
 
 
-def _false_course(document: Document) -> str:
-    path, funnels = document["problem"]["path"], document["funnels"]
-    count = len(path["kinds"])
-    segments = [[p for p in path["pieces"] if p["segment"] == index] for index in range(count)]
-    for index, kind in enumerate(path["kinds"]):
-        alike = segment_of(document, kind)
-        if [{**p, "segment": 0} for p in segments[index]] != [{**p, "segment": 0} for p in alike]:
-            return "kinds"
-        for before, after in zip(segments[index], segments[index][1:], strict=False):
+# --- sets, joints, laps, obstacles
+
+
+def _end_form(funnel: Document, segment: Any, problem: Document) -> float:
+    """The largest q at the end of a leg: V is 1 there, or what the law leaves of it."""
+    level, end = 1.0, float(duration_of(segment))
+    if funnel[METRE] is not None and not is_bounds(segment):
+        way = sum(_integral(piece["speed"], number(piece["duration"])) for piece in segment)
+        level = _level_after(funnel, way, number(problem["inputs"][0]["upper"]))
+    rate = number(funnel["rate"])
+    return level - rate * end if funnel["template"] == "paper" else level * float(np.exp(-rate * end))
+
+
+def _integral(coefficients: list[str], end: float) -> float:
+    return float(np.polynomial.Polynomial([number(c) for c in coefficients]).integ()(end))
+
+
+def _false_sets(sets: Document, funnels: list[Document], segments: list[Any], end: float) -> str:
+    """`end` is the largest q at the end of the last leg."""
+    shapes = [shape_of(funnel) for funnel in funnels]
+    limits = [number(width) for width in sets["safe"]["half_widths"]] if sets["safe"] else [np.inf] * len(shapes[0])
+    limits[0] = min(limits[0], np.pi)
+    inlet, goal = (sets[name] and np.array([number(a) for a in sets[name]["half_axes"]]) for name in ("inlet", "goal"))
+    if inlet is not None and np.linalg.eigvalsh(shapes[0] * np.outer(inlet, inlet))[-1] > 1 + TOLERANCE:
+        return "(a)"
+    if goal is not None and np.linalg.eigvalsh(shapes[-1] * np.outer(goal, goal))[0] < end * (1 - TOLERANCE):
+        return "(b)"
+    for funnel, shape, segment in zip(funnels, shapes, segments, strict=True):
+        widest = max(1.0, float(_level(funnel, float(duration_of(segment)))))
+        reach = np.sqrt(widest * np.diag(np.linalg.inv(shape)))
+        if np.any(reach > np.array(limits) * (1 + TOLERANCE)):
+            return "(c)"
+    return ""
+
+
+def _false_course(document: Document, funnels: list[Document], ends: list[float]) -> str:
+    path, legs = document["problem"]["path"], legs_of(document)
+    if sum(len(pieces) for _, pieces in legs) != len(path["pieces"]):
+        return "legs"
+    for _, pieces in legs:
+        for before, after in itertools.pairwise(pieces):
             if abs(_speed_after(before) - number(after["speed"][0])) > TOLERANCE:
                 return "speed"
+    for piece in path["pieces"]:
+        t = np.linspace(0, number(piece["duration"]), POSES)
+        if not np.polynomial.Polynomial([number(c) for c in piece["speed"]])(t).min() > 0:
+            return "speed"
     poses = poses_of(document)
     first, last = poses[0][0], poses[-1][-1]
     turn = last[0] - first[0]
     apart = [abs(turn - 2 * np.pi * round(turn / (2 * np.pi))), *np.abs(last[1:] - first[1:])]
-    jump = abs(_speed_after(segments[-1][-1]) - number(segments[0][0]["speed"][0]))
+    jump = abs(_speed_after(path["pieces"][-1]) - number(path["pieces"][0]["speed"][0]))
     if path["closed"] and (max(apart) > 2 * GAPS[0] or jump > GAPS[1] + TOLERANCE):
         return "closed"
-    for index in range(count if path["closed"] else count - 1):
-        after = (index + 1) % count
-        one, two = (funnels[path["kinds"][k]] for k in (index, after))
-        step = _speed_after(segments[index][-1]) - number(segments[after][0]["speed"][0])
-        if not _links(one, segments[index], two, step):
-            return "link"
+    for index in range(len(legs) if path["closed"] else len(legs) - 1):
+        (one, before), (two, after) = legs[index], legs[(index + 1) % len(legs)]
+        step = _speed_after(before[-1]) - number(after[0]["speed"][0])
+        if not _joins(funnels[one], ends[index], funnels[two], step):
+            return "joint"
     return ""
 
 
@@ -133,9 +183,8 @@ def _value(coefficients: list[str], at: Fraction) -> Fraction:
     return sum((Fraction(c) * at**k for k, c in enumerate(coefficients)), Fraction(0))
 
 
-def _links(one: Document, segment: Any, two: Document, step: float) -> bool:
-    """Whether the end of one funnel, its reference's speed falling by `step` (m/s), lies in the start of the next."""
-    end = _levels(one, segment)[0]
+def _joins(one: Document, end: float, two: Document, step: float) -> bool:
+    """Whether {q = end} of one funnel, its reference's speed falling by `step` (m/s), lies in the start of the next."""
     inverse = np.linalg.inv(np.linalg.cholesky(shape_of(one)))
     directions = np.random.default_rng(3).normal(size=(20_000, 4))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -166,18 +215,17 @@ def poses_of(document: Document) -> list[np.ndarray]:
     return found
 
 
-def _touches(document: Document) -> bool:
+def _touches(document: Document, funnels: list[Document]) -> bool:
     """Whether a deviation on the funnel's boundary, at some sampled place, brings a disc of the body to an obstacle."""
-    problem, funnels = document["problem"], document["funnels"]
-    path, theta = problem["path"], {}
-    for piece, poses in zip(path["pieces"], poses_of(document), strict=True):
-        index, begin = piece["segment"], theta.get(piece["segment"], 0.0)
-        funnel = funnels[path["kinds"][index]]
-        at = np.linspace(begin, begin + number(piece["duration"]), POSES)
-        theta[index] = at[-1]
-        root = np.sqrt(np.maximum(_level(funnel, at), 0.0))
-        if _reaches(poses, root, shape_of(funnel), problem["sets"]):
-            return True
+    poses = iter(poses_of(document))
+    for index, pieces in legs_of(document):
+        begin, funnel = 0.0, funnels[index]
+        for piece in pieces:
+            at = np.linspace(begin, begin + number(piece["duration"]), POSES)
+            begin = at[-1]
+            root = np.sqrt(np.maximum(_level(funnel, at), 0.0))
+            if _reaches(next(poses), root, shape_of(funnel), document["problem"]["sets"]):
+                return True
     return False
 
 
@@ -213,99 +261,10 @@ def distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.asarray(shapely.distance(shapely.points(points), shapely.MultiPoint(corners).convex_hull))
 
 
-# --- a path with its tubes
-
-
-def is_true_chain(document: Document, seed: int = 0) -> str:
-    """As `is_true`, of a file with claim `chain`."""
-    path, runs = document["path"], document["runs"]
-    own = {name: number(value) for name, value in document["vehicle"]["parameters"].items()}
-    tubes = []
-    for entry in document["tubes"]:
-        if is_true(entry["certificate"], seed):
-            return "tube"
-        tube = _scaled_tube(entry)
-        steering = own["max_tan_steering"] / own["wheelbase"]
-        if steering < tube["steering"] * (1 - TOLERANCE) or own["max_thrust"] < tube["thrust"] * (1 - TOLERANCE):
-            return "vehicle"
-        tubes.append(tube)
-    begin = 0
-    owners = []
-    for run in runs:
-        owners += [run["tube"]] * (run["end"] - begin)
-        begin = run["end"]
-    if len(owners) != len(path["pieces"]):
-        return "runs"
-    lengths = []
-    for piece, owner in zip(path["pieces"], owners, strict=True):
-        t = np.linspace(0, number(piece["duration"]), POSES)
-        omega, speed = (np.polynomial.Polynomial([number(c) for c in piece[name]]) for name in ("turn_rate", "speed"))
-        if not speed(t).min() > 0:
-            return "speed"
-        for name, values in zip(TUBE, (omega(t) / speed(t), speed(t), speed.deriv()(t)), strict=True):
-            lower, upper = tubes[owner][name]
-            if values.min() < lower - TOLERANCE or values.max() > upper + TOLERANCE:
-                return name
-        lengths.append(float(speed.integ()(t[-1])))
-    for before, after in zip(path["pieces"], path["pieces"][1:], strict=False):
-        if abs(_speed_after(before) - number(after["speed"][0])) > TOLERANCE:
-            return "speed"
-    if path["closed"]:
-        poses = poses_of({"problem": {"path": path}})
-        turn = (poses[-1][-1] - poses[0][0])[0] / (2 * np.pi)
-        if max(abs(turn - round(turn)) * 2 * np.pi, *np.abs((poses[-1][-1] - poses[0][0])[1:])) > 2 * GAPS[0]:
-            return "closed"
-    ends = np.cumsum([0, *lengths])[[0, *(run["end"] for run in runs)]]
-    count = len(runs) if path["closed"] else len(runs) - 1
-    for index in range(count):
-        first, second = tubes[runs[index]["tube"]], tubes[runs[(index + 1) % len(runs)]["tube"]]
-        level = min(1 / np.linalg.eigvals(np.linalg.solve(first["shape"], second["shape"])).real.max(), 1.0)
-        if _level_after(first, ends[index + 1] - ends[index]) > level * (1 + 1e-6):
-            return "link"
-    around = document.get("surroundings")
-    if around and around["obstacles"]:
-        each = zip(poses_of({"problem": {"path": path}}), owners, strict=True)
-        if any(_reaches(poses, np.ones(len(poses)), tubes[owner]["shape"], around) for poses, owner in each):
-            return "obstacle"
-    if document["sets"]:
-        finish = _level_after(tubes[runs[-1]["tube"]], ends[-1] - ends[-2])
-        return _false_sets(document["sets"], [tubes[run["tube"]]["shape"] for run in runs], finish)
-    return ""
-
-
-def _false_sets(sets: Document, shapes: list[np.ndarray], finish: float) -> str:
-    inlet, goal = (np.array([number(a) for a in sets[name]]) for name in ("inlet", "goal"))
-    if np.linalg.eigvalsh(shapes[0] * np.outer(inlet, inlet))[-1] > 1 + TOLERANCE:
-        return "(a)"
-    if np.linalg.eigvalsh(shapes[-1] * np.outer(goal, goal))[0] < finish * (1 - TOLERANCE):
-        return "(b)"
-    safe = np.array([number(a) for a in sets["safe"]]) if sets["safe"] else np.full(4, np.inf)
-    widths = np.sqrt([np.diag(np.linalg.inv(shape)) for shape in shapes])
-    return "(c)" if np.any(widths > safe * (1 + TOLERANCE)) else ""
-
-
-def _scaled_tube(entry: Document) -> Document:
-    """The tube of the similar car."""
-    problem, funnel = entry["certificate"]["problem"], entry["certificate"]["funnels"][0]
-    length, speed = number(entry["length"]), number(entry["speed"])
-    axes = np.array([1.0, length, length, speed])
-    units = {"curvature": 1 / length, "speed": speed, "acceleration": speed**2 / length}
-    parameters = {name: number(value) for name, value in problem["vehicle"]["parameters"].items()}
-    bounds = {name: [number(end) * unit for end in problem["path"]["tube"][name]] for name, unit in units.items()}
-    return {
-        **bounds,
-        "steering": parameters["max_tan_steering"] / parameters["wheelbase"] / length,
-        "thrust": parameters["max_thrust"] * units["acceleration"],
-        "shape": shape_of(funnel) / np.outer(axes, axes),
-        "per_metre": 0.95 * number(funnel[METRE]) / length / number(problem["inputs"][0]["upper"]),
-        "levels": (number(funnel["beta_lower"]), number(funnel["beta_inner"])),
-    }
-
-
-def _level_after(tube: Document, distance: float) -> float:
+def _level_after(funnel: Document, distance: float, fastest: float) -> float:
     """V after so many metres under the law, from 1: dV/ds = −0.95 μ/ū0 min(1, V/β̲), down to β_in."""
-    lower, inner = tube["levels"]
-    fallen = distance * tube["per_metre"]
+    lower, inner = number(funnel["beta_lower"]), number(funnel["beta_inner"])
+    fallen = distance * 0.95 * number(funnel[METRE]) / fastest
     value = 1 - fallen if 1 - fallen >= lower else lower * np.exp(-(fallen - (1 - lower)) / lower)
     return max(float(value), inner)
 
@@ -328,7 +287,7 @@ def worst_margin(claim: str, unit: str = SECOND, seed: int = 0) -> float:
         return margins(directions @ factor.T, np.clip(points[:, size:], 0, 1))
 
     corners = rng.choice([0.0, 1.0, 0.5], size=(4096, free), p=[0.4, 0.4, 0.2])
-    if not is_tube(segment):
+    if not is_bounds(segment):
         corners[::2, 1] = rng.uniform(size=2048)  # θ has no ends that are worst
     points = np.column_stack([rng.normal(size=(4096, size)), corners])
     points[:, :size] /= np.linalg.norm(points[:, :size], axis=1, keepdims=True)
@@ -382,7 +341,7 @@ def _margin_function(
 
 def _reference(segment: Any, theta: np.ndarray, fractions: np.ndarray) -> dict[str, Any]:
     """Profiles at θ (k,) of a segment; of a tube those that lie at these fractions (k, 3) of its bounds."""
-    if is_tube(segment):
+    if is_bounds(segment):
         ends = np.array([[number(end) for end in segment[name]] for name in TUBE])
         kappa, speed, acceleration = (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * fractions.T)[:]
         return {"turn_rate": kappa * speed, "speed": speed, "turn_rate_slope": 0.0, "speed_slope": acceleration}
@@ -407,12 +366,6 @@ def _level(funnel: Document, theta: Any) -> Any:
     """ρ(θ)."""
     rate = number(funnel["rate"])
     return 1 - rate * theta if funnel["template"] == "paper" else np.exp(-rate * theta)
-
-
-def _levels(funnel: Document, segment: Any) -> tuple[float, float]:
-    """ρ(T) and the largest ρ."""
-    end = float(_level(funnel, float(duration_of(segment))))
-    return end, max(1.0, end)
 
 
 def evaluate(problem: Document, x: np.ndarray, inputs: dict[str, float], reference: dict[str, Any]) -> np.ndarray:

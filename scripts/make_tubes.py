@@ -19,12 +19,12 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 from cfjax import InputError, Interval, Options, Problem, Verdict, ball, synthesize, tube
 from cfjax.certificate.writing import dump
-from cfjax.check.certified import CertifiedTube
 from cfjax.check.rational import rational
 from cfjax.exact import exact_bounds
 from cfjax.report.files import write_whole
 from cfjax.report.progress import progress_on
 from cfjax.rounded import margin_text, rounded_up
+from cfjax.tubes.certified import CertifiedTube
 from cfjax.tubes.store import pack, read_tube
 
 

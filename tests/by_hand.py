@@ -2,22 +2,26 @@
 what the checker would say of a proof.
 """
 
+from collections.abc import Sequence
+
 from flint import acb, fmpq
 
 from cfjax.check import Outcome, Report
 from cfjax.check.amounts import Robustness
 from cfjax.check.bounds import Bounds, Range
-from cfjax.check.certified import LAW_SHARE, CertifiedTube
-from cfjax.check.document import Course, FunnelClaim, ProblemClaim, SegmentClaim, VehicleClaim
+from cfjax.check.document import Claims, LegClaim
+from cfjax.check.funnel import LAW_SHARE, FunnelClaim
 from cfjax.check.graph import Graph
 from cfjax.check.level import Contracting
 from cfjax.check.piece import Piece
-from cfjax.check.proven import ProvenFunnels
+from cfjax.check.proven import Proven
+from cfjax.check.question import Course, ProblemClaim
 from cfjax.check.rational import rational
 from cfjax.check.reference import ExactPose, Reference
 from cfjax.check.surroundings import Surroundings
-from cfjax.check.vehicle import STATES
+from cfjax.check.vehicle import STATES, VehicleClaim
 from cfjax.exact import StatedProfile, StatedSegment
+from cfjax.tubes.certified import CertifiedTube
 
 
 ZERO, ONE = fmpq(0), fmpq(1)
@@ -79,12 +83,35 @@ def problem_claim(course: Course | Bounds, **changes: object) -> ProblemClaim:
     return ProblemClaim(**(entries | changes))
 
 
+def funnel(margin: fmpq = ONE, margin_per_metre: fmpq | None = None, **changes: object) -> FunnelClaim:
+    """A funnel of half-widths 1/2 that nobody certified."""
+    entries: dict = {
+        "level": Contracting(ZERO),
+        "shape": [[fmpq(4) if i == j else ZERO for j in range(4)] for i in range(4)],
+        "beta_lower": fmpq(9, 10),
+        "beta_inner": fmpq(1, 2),
+        "margin": margin,
+        "margin_per_metre": margin_per_metre,
+    }
+    return FunnelClaim(**(entries | changes))
+
+
+def claims(funnels: Sequence[FunnelClaim], closed: bool = False, **changes: object) -> Claims:
+    """A straight path with a leg of a second for each funnel; nothing of it is proven."""
+    count = len(funnels)
+    pieces = tuple(Piece(0, fmpq(k), ONE, (ZERO,), (ONE,), fmpq(k)) for k in range(count))
+    problem = problem_claim(Course(Reference(pieces, ExactPose(ZERO, acb(0))), closed), **changes)
+    legs = tuple(LegClaim(k, k + 1, k) for k in range(count))
+    return Claims(problem, tuple(funnels), (problem.car,) * count, legs, (ONE,) * (count - 1 + closed))
+
+
+def everywhere(own: FunnelClaim, **changes: object) -> Claims:
+    """A funnel for every path within the bounds above."""
+    problem = problem_claim(bounds(), **changes)
+    return Claims(problem, (own,), (problem.car,), (), ())
+
+
 def proven(*margins: fmpq, robustness: Robustness | None = None) -> Report:
-    """What the checker would say of a straight path with so many segments, of a second each."""
-    pieces = tuple(Piece(k, ZERO, ONE, (ZERO,), (ONE,), fmpq(k)) for k in range(len(margins)))
-    segments = tuple(SegmentClaim((piece,)) for piece in pieces)
-    course = Course(Reference(pieces, ExactPose(ZERO, acb(0))), False, segments, tuple(range(len(margins))))
-    funnels = tuple(FunnelClaim(Contracting(ZERO), (), fmpq(9, 10), fmpq(9, 10), margin, None) for margin in margins)
-    return Report(
-        Outcome.PROVEN, shown=ProvenFunnels(problem_claim(course), course, funnels, None), robustness=robustness
-    )
+    """What the checker would say of a straight path with so many legs, of a second each."""
+    shown = Proven(claims([funnel(margin) for margin in margins]), None)
+    return Report(Outcome.PROVEN, shown=shown, robustness=robustness)

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax import InputError, Interval, KinematicBicycle, Method, Problem, circle, straight, tube
-from cfjax.check.certified import CertifiedTube
 from cfjax.control import MinNorm, law_numbers
 from cfjax.demonstrator import horizon_of, weights_of
 from cfjax.funnel import Funnel, Leg, template_named
@@ -26,6 +25,7 @@ from cfjax.learner.elimination import Elimination
 from cfjax.problem import Disc, Polygon, Pose, Profile, ReferencePoint, RosPose, Segment, Tube
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation.track import track_of
+from cfjax.tubes.certified import CertifiedTube
 
 
 @pytest.fixture(autouse=True)
@@ -152,7 +152,7 @@ TABLE: dict[str, Callable[[], Call]] = {
     "Following": lambda: of(
         lambda **given: replace(following(), **given),
         cfjax.Following,
-        **{name: vars(following())[name] for name in ("path", "reference", "tubes", "links", "runs", "levels")},
+        **{name: vars(following())[name] for name in ("path", "reference", "tubes", "links", "runs", "ratios")},
     ),
     "Following.tube_at": lambda: of(following().tube_at, CertifiedTube, segment=0, theta=1.0),
     "Disc": lambda: of(Disc, Disc, x=0, y=0, radius=1),

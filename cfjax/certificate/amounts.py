@@ -8,8 +8,6 @@ from typing import Any
 from flint import fmpq
 
 from cfjax.check.amounts import MOST, Absorbed, BoundsOver, Keeps, Rates, Stated, least_level
-from cfjax.check.document import Certificate, Course
-from cfjax.check.proof import is_entered, links
 from cfjax.check.rational import float_below
 
 
@@ -92,23 +90,6 @@ def _rounded(amounts: Absorbed) -> Absorbed:
         tuple(map(down, amounts.pose_error)),
         down(amounts.delay),
     )
-
-
-def entries_of(certificate: Certificate) -> tuple[fmpq, ...]:
-    """For each funnel √γ: V is at most γ where another one hands over to it; 0 where none does."""
-    found, course = [fmpq(0)] * len(certificate.funnels), certificate.problem.course
-    if not isinstance(course, Course):
-        return tuple(found)
-    for before, after, gap in links(course):
-        first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
-        low, high = fmpq(0), fmpq(1)
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            inside = is_entered(first, course.segments[before].duration, second, gap, middle)
-            low, high = (low, middle) if inside else (middle, high)
-        kind = course.kinds[after]
-        found[kind] = max(found[kind], high)
-    return tuple(found)
 
 
 def write_amounts(stated: Stated) -> dict[str, Any]:

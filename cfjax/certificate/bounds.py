@@ -8,11 +8,9 @@ from flint import fmpq
 
 from cfjax.certificate.stretches import bounded
 from cfjax.check.bounds import Bounds, Range
-from cfjax.check.certified import CertifiedTube
-from cfjax.check.handover import Run
+from cfjax.check.legs import Leg
 from cfjax.check.piece import Piece
 from cfjax.check.rational import float_below, rational
-from cfjax.check.reference import Reference
 
 
 STEP = Decimal("1e-6")  # to which bounds are rounded
@@ -26,10 +24,13 @@ def bounds_of_pieces(pieces: Sequence[Piece]) -> Bounds:
     Raises:
         ValueError: where none is found: the speed is not positive, say.
     """
-    found = []
-    for _, group in itertools.groupby(pieces, key=lambda piece: piece.segment):
-        own = list(group)
-        found.append(bounded(own, own[0].theta, own[-1].theta + own[-1].duration).bounds)
+    segments = itertools.groupby(pieces, key=lambda piece: piece.segment)
+    return _hull_of([list(group) for _, group in segments])
+
+
+def _hull_of(stretches: Sequence[Sequence[Piece]]) -> Bounds:
+    """Of stretches, along each of which θ goes on."""
+    found = [bounded(own, own[0].theta, own[-1].theta + own[-1].duration).bounds for own in stretches]
     curvature, speed, acceleration = map(_hull, zip(*(bounds.intervals.values() for bounds in found), strict=True))
     widest = max(-curvature[0], curvature[1])
     if min(-curvature[0], curvature[1]) > ALIKE * widest:
@@ -37,19 +38,14 @@ def bounds_of_pieces(pieces: Sequence[Piece]) -> Bounds:
     return Bounds(curvature, speed, acceleration)
 
 
-def bounds_along(reference: Reference, runs: Sequence[Run]) -> dict[CertifiedTube, Bounds]:
-    """What the path does in each tube along all of its runs there; nothing that the tube does not hold.
+def bounds_along(legs: Sequence[Leg], within: Bounds) -> Bounds:
+    """What the path does along all of these legs; nothing that is not within the bounds of their funnel.
 
     Raises:
         ValueError: as `bounds_of_pieces`.
     """
-    found = {}
-    for tube in dict.fromkeys(run.tube for run in runs):
-        own = [run for run in runs if run.tube is tube]
-        bounds = bounds_of_pieces([piece for run in own for piece in reference.pieces[run.begin : run.end]])
-        meeting = {name: _meet(ends, tube.bounds.intervals[name]) for name, ends in bounds.intervals.items()}
-        found[tube] = Bounds(**meeting)
-    return found
+    bounds = _hull_of([leg.pieces for leg in legs])
+    return Bounds(**{name: _meet(ends, within.intervals[name]) for name, ends in bounds.intervals.items()})
 
 
 def _meet(first: Range, second: Range) -> Range:

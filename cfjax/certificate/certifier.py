@@ -6,35 +6,42 @@ calls its answer matters only for what is tried: a rounded solution that the exa
 made it.
 """
 
+import itertools
 import json
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from flint import fmpq
+
 from cfjax.certificate.clearance import NotClear, find_clearance
+from cfjax.certificate.joints import widest_ratio
 from cfjax.certificate.prover import Means, NotProven, Progress, Prover, StretchProof, place_on
 from cfjax.certificate.rounding import RoundedFunnel, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_decrease, write_funnel, write_problem
 from cfjax.check import Outcome, check_document
 from cfjax.check.bounds import Bounds
-from cfjax.check.containment import broken_containments
-from cfjax.check.document import ProblemClaim, read_problem
+from cfjax.check.document import Claims, LegClaim
 from cfjax.check.graph import Graph
 from cfjax.check.hints import MOST_GRAM_ENTRIES
+from cfjax.check.legs import Joint, from_zero, gaps
 from cfjax.check.meaning import require_meaning
-from cfjax.check.proof import broken_link, links, spans_of
+from cfjax.check.piece import Piece
+from cfjax.check.proof import prove_sets
+from cfjax.check.question import ProblemClaim, read_problem
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken, Unreadable
 from cfjax.check.symbolic import symbolic
 from cfjax.coerce import function, instances, number, objects, whole
 from cfjax.errors import InputError
-from cfjax.exact import write_clearance
+from cfjax.exact import exact_course, write_clearance
 from cfjax.falsifier import Suspect
 from cfjax.funnel import Funnel
 from cfjax.funnel.funnel import require_fit
-from cfjax.problem import Problem
+from cfjax.problem import Path, Problem
 from cfjax.result import StretchMargin
 from cfjax.solver import DEFAULT, Solver, solver_named
 from cfjax.verdict import Verdict
@@ -64,11 +71,21 @@ class Certification:
 
 
 class Statement(NamedTuple):
-    """What is asked: the vehicle's graph, the part of the document that says it, and that as the checker reads it."""
+    """What is asked: the vehicle's graph, the part of the document that says it, and that as the checker reads it.
+
+    `legs` are the segments of a path, with a funnel for each distinct one.
+    """
 
     graph: Graph
     written: dict[str, Any]
     claim: ProblemClaim
+    legs: tuple[LegClaim, ...]
+
+    def pieces(self, kind: int) -> tuple[Piece, ...]:
+        """What the first leg with this funnel has of the path, θ from 0 (s)."""
+        assert not isinstance(self.claim.course, Bounds)
+        leg = next(leg for leg in self.legs if leg.funnel == kind)
+        return from_zero(self.claim.course.reference.pieces[leg.begin : leg.end])
 
 
 def statement_of(problem: Problem) -> Statement:
@@ -88,7 +105,16 @@ def statement_of(problem: Problem) -> Statement:
         raise InputError(str(error)) from None
     except Unreadable as error:
         raise InputError(f"no checker would read this question: {error}") from None
-    return Statement(graph, written, claim)
+    return Statement(graph, written, claim, legs_of(problem.path))
+
+
+def legs_of(path: Path) -> tuple[LegClaim, ...]:
+    """A leg for each segment, whose funnel is that of its kind; none for every path within bounds."""
+    if path.tube:
+        return ()
+    counts = Counter(piece.segment for piece in exact_course(path).pieces)
+    ends = [0, *itertools.accumulate(counts[index] for index in range(len(path.kinds)))]
+    return tuple(map(LegClaim, ends, ends[1:], path.kinds))
 
 
 def certify(
@@ -118,20 +144,25 @@ def certify(
         raise InputError(f"certify: expected {len(distinct)} funnels, one per distinct segment, got {len(funnels)}")
     require_fit(problem, funnels)
     started = time.perf_counter()
-    graph, question, claim = statement_of(problem)
+    statement = statement_of(problem)
+    _, question, claim, parts = statement
     clock = {"plan": 0.0, "sos": 0.0, "exact": time.perf_counter() - started}
     rounded = [round_funnel(funnel, segment) for funnel, segment in zip(funnels, distinct, strict=True)]
     kept = tuple(funnel.funnel for funnel in rounded)
     found: list[list[StretchProof]] = []
     try:
         started = time.perf_counter()
-        clearance = _prove_sets(problem, claim, rounded)
+        ratios, clearance = _prove_sets(problem, statement, rounded)
         clock["exact"] += time.perf_counter() - started
         room = MOST_GRAM_ENTRIES
         means = Means(solver_named(solver, workers), clock, progress)
-        for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
-            prover = Prover(problem, funnel, graph, kind, room, means)
-            found.append(prover.along(segment, target))
+        provers = []
+        for kind, funnel in enumerate(rounded):
+            prover = Prover(problem, funnel, claim, kind, room, means)
+            course = claim.course
+            is_placed = not isinstance(course, Bounds)
+            found.append(prover.along(statement.pieces(kind), target) if is_placed else prover.everywhere(course))
+            provers.append(prover)
             room -= prover.entries * len(found[-1])
     except Broken as error:  # a claim about the vehicle that is not true: no funnel of this kind can be proven
         raise InputError(str(error)) from None
@@ -154,9 +185,14 @@ def certify(
         question,
         [write_funnel(funnel.claim(margin, along)) for funnel, margin, along in claimed],
         {
-            "decrease": [write_decrease(proofs[0].degrees, [proof.hints for proof in proofs]) for proofs in found],
+            "decrease": [
+                write_decrease(proofs[0].degrees, prover.question.mirror, [proof.hints for proof in proofs])
+                for prover, proofs in zip(provers, found, strict=True)
+            ],
             "clearance": clearance,
         },
+        parts,
+        ratios,
     )
     # what is replayed is what the file will say: through its text, not through the objects that made it
     report = check_document(json.loads(dump(document)))
@@ -183,8 +219,10 @@ def _stretch_margin(proof: StretchProof) -> StretchMargin:
     return StretchMargin(float(proof.stretch.begin), float(proof.stretch.end), float_below(proof.margin))
 
 
-def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[RoundedFunnel]) -> list:
-    """(a), (b), (c) and the links, as the checker will look at them; the half-planes before obstacles, written.
+def _prove_sets(
+    problem: Problem, statement: Statement, rounded: Sequence[RoundedFunnel]
+) -> tuple[tuple[fmpq, ...], list]:
+    """(a), (b), (c) and the joints, as the checker will look at them: ratios, and half-planes as they are written.
 
     Raises:
         NotProven: what does not hold.
@@ -193,22 +231,25 @@ def _prove_sets(problem: Problem, claim: ProblemClaim, rounded: Sequence[Rounded
     def fail(reason: str, place: tuple[float, float] | None = None) -> NotProven:
         return NotProven(Verdict.INCONCLUSIVE, f"not proven: {reason}", place=place)
 
-    course, kinds = claim.course, claim.kinds
-    for kind, (segment, funnel) in enumerate(zip(claim.distinct, rounded, strict=True)):
-        end = funnel.level.bounds(segment.duration)
-        broken = broken_containments(claim.vehicle.states, funnel.shape, end, claim.asked(kind))
-        if broken:
-            raise fail("; ".join(broken))
-    if isinstance(course, Bounds):
-        return []
-    written = [funnel.claim() for funnel in rounded]
-    for before, after, gap in links(course):
-        first, second = written[kinds[before]], written[kinds[after]]
-        if reason := broken_link(first, course.segments[before].duration, second, gap):
-            end = problem.path.segments[before].duration
-            raise fail(f"from segment {before} to segment {after}: {reason}", place_on(problem.path, before, end, end))
+    claim, course = statement.claim, statement.claim.course
+    funnels = tuple(funnel.claim() for funnel in rounded)
+    claims = Claims(claim, funnels, (claim.car,) * len(funnels), statement.legs, ())
     try:
-        return write_clearance(find_clearance(claim.surroundings, spans_of(course, written)))
+        prove_sets(claims, fmpq(1))
+    except Broken as error:
+        raise fail(str(error)) from None
+    if isinstance(course, Bounds):
+        return (), []
+    ratios = []
+    for before, after, gap in gaps(claims.legs, course.closed):
+        ratio = widest_ratio(before.funnel.shape, after.funnel.shape)
+        if ratio is None or not Joint(before, after, gap, ratio).is_entered(fmpq(1)):
+            reason = f"the end of the funnel of segment {before.index} does not lie inside the start of the next"
+            end = problem.path.segments[before.index].duration
+            raise fail(reason, place_on(problem.path, before.index, end, end))
+        ratios.append(ratio)
+    try:
+        return tuple(ratios), write_clearance(find_clearance(claim.surroundings, claims.legs))
     except NotClear as error:
-        place = place_on(problem.path, error.span, error.theta, error.theta)
-        raise fail(f"condition (c), segment {error.span}, {error}", place) from None
+        place = place_on(problem.path, error.leg, error.theta, error.theta)
+        raise fail(f"condition (c), segment {error.leg}, {error}", place) from None

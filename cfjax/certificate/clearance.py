@@ -24,9 +24,10 @@ from cfjax.check.clearance import (
     prove_half_plane,
 )
 from cfjax.check.enclosure import Budget
+from cfjax.check.legs import Leg
 from cfjax.check.piece import Piece, between
 from cfjax.check.reference import ExactPose
-from cfjax.check.surroundings import Clearance, Span, Surroundings, prove_surroundings
+from cfjax.check.surroundings import Clearance, Surroundings, prove_surroundings
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
 
@@ -44,19 +45,19 @@ LARGEST_EFFORT = 2**9 * STRETCH_EFFORT  # of one half-plane's proof: a longer on
 
 
 class NotClear(ValueError):
-    """The body may touch an obstacle, as far as half-planes tell: at `theta` (s) of a span; both by their numbers."""
+    """The body may touch an obstacle, as far as half-planes tell: at `theta` (s) of a leg; both by their numbers."""
 
-    def __init__(self, message: str, theta: float, span: int = 0, obstacle: int = 0) -> None:
+    def __init__(self, message: str, theta: float, leg: int = 0, obstacle: int = 0) -> None:
         super().__init__(message)
-        self.theta, self.span, self.obstacle = theta, span, obstacle
+        self.theta, self.leg, self.obstacle = theta, leg, obstacle
 
-    def at(self, span: int, obstacle: int) -> "NotClear":
-        """The same, said of that span and obstacle."""
-        return NotClear(f"obstacle {obstacle}: {self}", self.theta, span, obstacle)
+    def at(self, leg: int, obstacle: int) -> "NotClear":
+        """The same, said of that leg and obstacle."""
+        return NotClear(f"obstacle {obstacle}: {self}", self.theta, leg, obstacle)
 
 
-def find_clearance(surroundings: Surroundings, spans: Sequence[Span]) -> Clearance:
-    """Half-planes along every span that `prove_surroundings` accepts; none where there are no obstacles.
+def find_clearance(surroundings: Surroundings, legs: Sequence[Leg]) -> Clearance:
+    """Half-planes along every leg that `prove_surroundings` accepts; none where there are no obstacles.
 
     Raises:
         NotClear: where the body may touch an obstacle.
@@ -66,18 +67,18 @@ def find_clearance(surroundings: Surroundings, spans: Sequence[Span]) -> Clearan
     if not obstacles:
         return ()
     found = []
-    for index, span in enumerate(spans):
-        along = samples_along(span.pieces, span.start)
-        shadows = [Shadow(span.shape, span.level, disc) for disc in footprint]
+    for index, leg in enumerate(legs):
+        along = samples_along(leg.pieces, leg.start)
+        shadows = [Shadow(leg.funnel.shape, leg.funnel.level, disc) for disc in footprint]
         by_obstacle = []
         for number, obstacle in enumerate(obstacles):
             try:
-                planes = [find_half_planes(span.pieces, span.start, each, obstacle, along) for each in shadows]
+                planes = [find_half_planes(leg.pieces, leg.start, each, obstacle, along) for each in shadows]
             except NotClear as error:
                 raise error.at(index, number) from None
             by_obstacle.append(tuple(map(tuple, planes)))
         found.append(tuple(by_obstacle))
-    prove_surroundings(surroundings, spans, tuple(found))
+    prove_surroundings(surroundings, legs, tuple(found))
     return tuple(found)
 
 

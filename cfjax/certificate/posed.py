@@ -11,13 +11,12 @@ from flint import fmpq
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.plan import CELLS
 from cfjax.certificate.rounding import round_funnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, question_of
 from cfjax.check.bounds import Bounds
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure
-from cfjax.check.symbolic import symbolic
 from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
@@ -47,14 +46,15 @@ def put_together(
     Raises:
         ValueError, Broken: as `decreases_on` and `bounded`.
     """
-    claim, segment, own = statement.claim, problem.path.distinct[kind], statement.claim.distinct[kind]
-    if isinstance(own, Bounds):
-        stretch = Stretch(fmpq(0), fmpq(0), own)
+    claim, rounded = statement.claim, round_funnel(funnel, problem.path.distinct[kind])
+    question = question_of(claim, rounded)
+    if isinstance(claim.course, Bounds):
+        stretch = Stretch(fmpq(0), fmpq(0), claim.course)
     else:
-        dynamics = symbolic(statement.graph, claim.vehicle.states, tuple(claim.inputs))
-        is_smooth = not has_tube_structure(dynamics)
-        stretch = bounded(own.pieces, fmpq(0), share * own.duration, is_smooth)
-    return decreases_on(problem, round_funnel(funnel, segment), statement.graph, stretch)
+        pieces = statement.pieces(kind)
+        duration = pieces[-1].theta + pieces[-1].duration
+        stretch = bounded(pieces, fmpq(0), share * duration, not has_tube_structure(question.dynamics))
+    return decreases_on(question, rounded, stretch)
 
 
 def require_posable(

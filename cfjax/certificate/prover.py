@@ -1,4 +1,4 @@
-"""Condition (d) along one segment or tube, proven stretch by stretch and cell by cell.
+"""Condition (d) of one funnel, proven stretch by stretch and cell by cell.
 
 The longer a stretch is, the more has to be shown on it, and the fewer programs there are to solve: as few as reach a
 target are planned (`cfjax.certificate.plan`), and one that falls short of it is halved.
@@ -8,7 +8,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,18 +17,16 @@ from flint import fmpq
 from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
 from cfjax.certificate.rounding import RoundedFunnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of
-from cfjax.certificate.trace import dynamics_of
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, question_of
 from cfjax.certificate.writing import write_stretch
 from cfjax.check.bounds import Bounds, place_of
 from cfjax.check.decrease import Cell, SteadyDecrease
-from cfjax.check.document import SegmentClaim
 from cfjax.check.enclosure import TooLarge
-from cfjax.check.graph import Graph
-from cfjax.check.hints import CellKey
+from cfjax.check.hints import CellHints, CellKey
 from cfjax.check.piece import Piece
 from cfjax.check.proof import signs_text
-from cfjax.check.rational import decimal_text
+from cfjax.check.question import ProblemClaim
+from cfjax.check.rational import decimal_text, dyadic
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure
 from cfjax.falsifier import Suspect
@@ -39,6 +37,7 @@ from cfjax.verdict import Verdict
 
 SUSPECT_CELLS = 4  # the worst ones, of which the learner hears
 MOST_STRETCHES, MOST_HALVINGS = 20, 3  # of a segment; of a stretch that was planned for
+ROOM = fmpq(1, 2**30)  # relative, of margins and remainders: for a checker that rounds otherwise
 SPARE = 1.01  # by which a planned stretch is to be better than needed: the proof shows a little less
 
 Progress = Callable[[str, int, int], None]
@@ -98,36 +97,43 @@ class Means(NamedTuple):
 
 
 class Prover:
-    """Proves the stretches of one segment or tube; `room`: entries of Gram matrices that the file can still hold."""
+    """Proves the stretches of one funnel; `room`: entries of Gram matrices that the file can still hold."""
 
     def __init__(
         self,
         problem: Problem,
         rounded: RoundedFunnel,
-        graph: Graph,
+        claim: ProblemClaim,
         kind: int,
         room: int,
         means: Means,
     ) -> None:
-        self.problem, self.rounded, self.graph, self.kind = problem, rounded, graph, kind
+        self.problem, self.rounded, self.kind = problem, rounded, kind
+        self.question = question_of(claim, rounded)
         self.solver, self.clock, self.progress = means
         self.degrees: tuple[int, ...] = ()
-        self.is_smooth = not has_tube_structure(dynamics_of(problem.vehicle))
+        self.is_smooth = not has_tube_structure(self.question.dynamics)
         self.room = room
         self.entries = 0  # of one stretch
         self.cells_done = self.cells_begun = 0
 
-    def along(self, segment: SegmentClaim | Bounds, target: float) -> list[StretchProof]:
-        """Stretches that cover the segment, as many as the target (1/s) needs; with target 0 a single one.
+    def everywhere(self, bounds: Bounds) -> list[StretchProof]:
+        """The one stretch of an invariant funnel, for every path within bounds.
+
+        Raises:
+            NotProven: it proves nothing.
+        """
+        return [self.prove(Stretch(fmpq(0), fmpq(0), bounds), 0.0)]
+
+    def along(self, pieces: Sequence[Piece], target: float) -> list[StretchProof]:
+        """Stretches that cover a leg's pieces, as many as the target (1/s) needs; with target 0 a single one.
 
         The falsifier plans them. One that proves less than it was planned for is halved, as long as that can help.
 
         Raises:
             NotProven: a stretch that is not cut any further proves nothing.
         """
-        if isinstance(segment, Bounds):
-            return [self.prove(Stretch(fmpq(0), fmpq(0), segment), 0.0)]
-        pieces, duration = segment.pieces, segment.duration
+        duration = pieces[-1].theta + pieces[-1].duration
         ends, target = self._planned(pieces, duration, target)
         begins = (0, *ends[:-1])
         parts = [(fmpq(begin, CELLS), fmpq(end, CELLS), 0) for begin, end in zip(begins, ends, strict=True)]
@@ -154,7 +160,7 @@ class Prover:
         started = time.perf_counter()
         with contextlib.suppress(ValueError):  # the whole segment may be too much to ask about; its size is known then
             whole = bounded(pieces, fmpq(0), duration, self.is_smooth)
-            self._count(decreases_on(self.problem, self.rounded, self.graph, whole))
+            self._count(decreases_on(self.question, self.rounded, whole))
         funnel, most = self.rounded.funnel, self._most_stretches()
         planned = plan(self.problem, segment, funnel, target, SPARE, most, self.is_smooth)
         self.clock["plan"] += time.perf_counter() - started
@@ -192,10 +198,12 @@ class Prover:
             NotProven: with target 0, at the first cell that proves nothing.
         """
         questions = self._exactly(
-            lambda: decreases_on(self.problem, self.rounded, self.graph, stretch, self.degrees), stretch.name
+            lambda: decreases_on(self.question, self.rounded, stretch, self.degrees), stretch.name
         )
         self.degrees = questions[0].degrees
-        places = [(index, cell) for index, question in enumerate(questions) for cell in question.cells()]
+        places = [
+            (index, _roomy(question, cell)) for index, question in enumerate(questions) for cell in question.cells()
+        ]
         programs = self._exactly(lambda: [program_of(questions[index], cell) for index, cell in places], stretch.name)
         self.cells_begun += len(places)
         self._count(questions)
@@ -214,7 +222,8 @@ class Prover:
                 raise self._not_proven(stretch, questions, index, cell, found, used)
             if target and not float(found.margin) >= target:
                 raise _TooLittle
-            written.append((_key(index, cell), found.proof.margin, found.proof.grams))
+            assert cell.remainder is not None  # as it is stated
+            written.append((_key(index, cell), CellHints(found.proof.margin, cell.remainder, found.proof.grams)))
             margins.append(found.margin)
             per_metre.append(found.margin / question.extreme.profile["speed"])
             self.cells_done += 1
@@ -232,7 +241,7 @@ class Prover:
             margin=margin,
             margin_per_metre=margin_per_metre,
             numerical=min(solution.margin for solution in used),
-            hints=write_stretch(stretch.end, stretch.bounds, questions[0], written),
+            hints=write_stretch(stretch.end or None, stretch.bounds, questions[0], written),
             suspects=self._suspects(stretch, questions[0], used),
             solvers=tuple(sorted({solution.solver for solution in used})),
         )
@@ -303,8 +312,15 @@ def _not_possible(error: ValueError, place: str) -> Exception:
     return NotProven(Verdict.INCONCLUSIVE, f"not proven: {place}{error}", final=isinstance(error, TooLarge))
 
 
+def _roomy(question: SteadyDecrease, cell: Cell) -> Cell:
+    """The cell with a bound of what enclosures leave over that other arithmetic reaches too."""
+    constant, square = question.remainder(cell)
+    return replace(cell, remainder=(dyadic(constant * (1 + ROOM), up=True), dyadic(square * (1 + ROOM), up=True)))
+
+
 def _rounded_down(value: fmpq) -> fmpq:
-    return fmpq(math.floor(value * 2**MARGIN_BITS), 2**MARGIN_BITS)
+    """A margin that other arithmetic proves too, if not quite as well."""
+    return fmpq(math.floor(value * (1 - ROOM) * 2**MARGIN_BITS), 2**MARGIN_BITS)
 
 
 def _named(stretch: Stretch, questions: list[SteadyDecrease], index: int, cell: Cell) -> str:

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 
 from flint import fmpq
 
-from cfjax.certificate.certifier import Certification
+from cfjax.certificate.certifier import Certification, legs_of
 from cfjax.certificate.rounding import exact
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_funnel, write_problem, write_witness
 from cfjax.check import Outcome, check_document
-from cfjax.check.document import FunnelClaim
+from cfjax.check.funnel import FunnelClaim
 from cfjax.check.level import LEVELS
 from cfjax.check.rational import rational
 from cfjax.coerce import instances, number, objects
@@ -52,7 +52,7 @@ def refute(
         raise InputError(f"refute: expected one segment, got {len(problem.path.segments)}")
     require_fit(problem, [funnel])
     segment = problem.path.segments[0]
-    question = write_problem(problem, trace_deviation(problem.vehicle))
+    question, legs = write_problem(problem, trace_deviation(problem.vehicle)), legs_of(problem.path)
     size = funnel.dimension
     shape = [[exact(funnel.shape[max(i, j), min(i, j)]) for j in range(size)] for i in range(size)]
     candidate = FunnelClaim(
@@ -68,7 +68,7 @@ def refute(
         for theta, x in _variants(funnel, 0.0 if isinstance(segment, Tube) else segment.duration, point):
             for reference in references if point.condition == "d" else (0,):
                 witness = write_witness(point.condition, 0, theta, reference, x)
-                document = seal("refutation", question, [write_funnel(candidate)], witness)
+                document = seal("refutation", question, [write_funnel(candidate)], witness, legs)
                 report = check_document(json.loads(dump(document)))
                 if report.outcome is Outcome.REFUTED:
                     return Certification(Verdict.REFUTED, report.message, funnels=(funnel,), document=document)

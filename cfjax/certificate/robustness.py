@@ -6,13 +6,14 @@ largest amounts that were found (`amounts`), with hints for the bounds that allo
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from flint import fmpq
 
-from cfjax.certificate.amounts import entries_of, largest_amounts, write_amounts
+from cfjax.certificate.amounts import largest_amounts, write_amounts
 from cfjax.certificate.bounds import bounds_along
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.program import program_of, prove, solved
@@ -21,19 +22,18 @@ from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
 from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds
-from cfjax.check.chain import CHAIN, prove_runs, read_chain
-from cfjax.check.chain_robustness import leg_of, timing_of
-from cfjax.check.document import SegmentClaim, read_certificate
+from cfjax.check.descent import question_of, told_of
+from cfjax.check.document import Certificate, Claims, read_certificate
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
 from cfjax.check.held_hints import CLAIM, DEGREES
+from cfjax.check.legs import Leg
 from cfjax.check.program import CellProof
-from cfjax.check.proof import LegClaim
+from cfjax.check.proof import Question
 from cfjax.check.rational import rational
 from cfjax.check.replay import stated_and_proven
-from cfjax.check.robustness import motions, tube_motions
+from cfjax.check.robustness import motions, motions_within
 from cfjax.check.structure import require_tube_structure
-from cfjax.check.symbolic import symbolic
 from cfjax.coerce import instance, whole
 from cfjax.result import Result
 from cfjax.solver import DEFAULT, Program, Solution, Solver, solver_named
@@ -51,56 +51,49 @@ def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAU
         NotProven, Broken, ValueError: as `robustness_document`.
     """
     document, workers = instance("result", result, Result).document, whole("workers", workers, 1)
-    if document is None or document["claim"] not in ("funnel", CHAIN):
+    if document is None or document["claim"] != "funnel":
         return None
     return robustness_document(document, workers, solver)
 
 
 def robustness_document(document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any]:
-    """The file of hints for a certificate, of funnels or of a path in tubes: the document that the checker accepted.
+    """The file of hints for a certificate: the document that the checker accepted.
 
     Raises:
         NotProven: a bound that no hint was found for.
         Broken, ValueError: dynamics or levels of a kind that has no bounds here.
     """
-    if document["claim"] == CHAIN:
-        return _chain_document(document, solver_named(solver, workers))
-    certificate = read_certificate(document)
-    problem = certificate.problem
-    dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
-    oracle = solver_named(solver, workers)
-    each = zip(problem.distinct, certificate.funnels, certificate.hints, strict=True)
-    funnels = [
-        hints_for(LegClaim(problem, dynamics, segment, funnel), [stretch.end for stretch in hints.stretches], oracle)
-        if isinstance(segment, SegmentClaim)
-        else tube_hints(LegClaim(problem, dynamics, segment, funnel), oracle)
-        for segment, funnel, hints in each
-    ]
-    content = {"funnels": funnels, "entries": [str(root) for root in entries_of(certificate)]}
-    return _with_amounts(document, content, len(problem.vehicle.states))
+    certificate, oracle = read_certificate(document), solver_named(solver, workers)
+    count = range(len(certificate.claims.funnels))
+    return _with_amounts(document, [_funnel_hints(certificate, index, oracle) for index in count], certificate.claims)
 
 
-def _with_amounts(document: dict[str, Any], content: dict[str, Any], states: int) -> dict[str, Any]:
+def _funnel_hints(certificate: Certificate, index: int, solver: Solver) -> dict[str, Any]:
+    """For one funnel of a certificate, beside what the path does along its legs."""
+    claims, own = certificate.claims, certificate.hints[index]
+    model, legs, course = claims.models[index], claims.legs_of(index), claims.problem.course
+    if own.duration is not None:
+        question = question_of(claims, index, own.mirror, told_of(claims.driven[index], None))
+        ends = [stretch.end for stretch in own.stretches if stretch.end is not None]
+        return {"bounds": None, "stretches": hints_along(question, legs, ends, solver)}
+    held = own.stretches[0].bounds.scaled(model.length, model.speed)
+    bounds = course if isinstance(course, Bounds) else bounds_along(legs, held)
+    question = question_of(claims, index, own.mirror, told_of(claims.driven[index], bounds))
+    as_proven = bounds.scaled(1 / model.length, 1 / model.speed)
+    return {"bounds": write_bounds(bounds), "stretches": hints_within(question, as_proven, solver)}
+
+
+def _with_amounts(document: dict[str, Any], funnels: list[dict[str, Any]], claims: Claims) -> dict[str, Any]:
     """The whole file: it states the largest amounts that are found for what its hints prove."""
 
     def file(stated: Stated) -> dict[str, Any]:
-        return with_hash(CLAIM, {"certificate": document["hash"], "amounts": write_amounts(stated), **content})
+        content = {"certificate": document["hash"], "amounts": write_amounts(stated), "funnels": funnels}
+        return with_hash(CLAIM, content)
 
-    nothing = Absorbed(fmpq(0), (fmpq(0),) * states, (fmpq(0),) * states, fmpq(0))
+    none = (fmpq(0),) * len(claims.problem.vehicle.states)
+    nothing = Absorbed(fmpq(0), none, none, fmpq(0))
     _, bounds = stated_and_proven(document, file(Stated(nothing, nothing, ())))
     return file(largest_amounts(bounds))
-
-
-def _chain_document(document: dict[str, Any], solver: Solver) -> dict[str, Any]:
-    """Of a path in tubes: for each of them, beside what the path does along its runs."""
-    claim = read_chain(document, skip_hash=True)
-    runs, _ = prove_runs(claim)
-    index_of = {run.tube: index for run, (_, _, index) in zip(runs, claim.runs, strict=True)}
-    tubes: dict[int, dict[str, Any]] = {}
-    for tube, bounds in bounds_along(claim.reference, runs).items():
-        leg = leg_of(claim, index_of[tube], tube, bounds, timing_of(runs))
-        tubes[index_of[tube]] = {"bounds": write_bounds(bounds), "bands": tube_hints(leg, solver)}
-    return _with_amounts(document, {"tubes": [entry for _, entry in sorted(tubes.items())]}, len(runs[0].tube.states))
 
 
 def held_shape(states: int) -> Shape:
@@ -108,36 +101,36 @@ def held_shape(states: int) -> Shape:
     return states, (DEGREES[0], DEGREES[1], DEGREES[1])
 
 
-def hints_for(leg: LegClaim[SegmentClaim], ends: list[fmpq], solver: Solver) -> list[dict[str, Any]]:
-    """For one funnel: a stretch of θ ends at each of `ends`. Condition (d)'s own do.
+def hints_along(question: Question, legs: Sequence[Leg], ends: list[fmpq], solver: Solver) -> list[dict[str, Any]]:
+    """For a funnel that changes with θ: a stretch ends at each of `ends`. Condition (d)'s own do.
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
     """
     found = []
     for begin, end in itertools.pairwise([fmpq(0), *ends]):
-        asked = motions(leg, (begin, end))
+        asked = motions(question, legs, (begin, end))
         found.append({"end": str(end), "levels": [_levels(motion, solver) for motion, _ in asked]})
     return found
 
 
-def tube_hints(leg: LegClaim[Bounds], solver: Solver) -> list[dict[str, Any]]:
-    """For a tube, in bands of speed.
+def hints_within(question: Question, bounds: Bounds, solver: Solver) -> list[dict[str, Any]]:
+    """For an invariant funnel along paths within bounds, in bands of speed.
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
     """
-    require_tube_structure(leg.dynamics)
+    require_tube_structure(question.dynamics)
     found = []
-    for band in itertools.pairwise(speed_bands(leg.along)):
-        asked = tube_motions(leg, band)
+    for band in itertools.pairwise(speed_bands(bounds)):
+        asked = motions_within(question, bounds, band)
         found.append({"end": str(band[1]), "levels": [_levels(motion, solver) for motion, _ in asked]})
     return found
 
 
-def speed_bands(tube: Bounds) -> list[fmpq]:
+def speed_bands(bounds: Bounds) -> list[fmpq]:
     """Ends of bands of speed, of equal ratio: as many as it takes to stay near BAND, and no more than MOST_BANDS."""
-    lower, upper = tube.speed
+    lower, upper = bounds.speed
     count = max(1, min(MOST_BANDS, round(math.log(float(upper / lower), BAND))))
     inner = [rational(float(f"{float(lower) * float(upper / lower) ** (k / count):.3g}")) for k in range(1, count)]
     return [lower, *inner, upper]

@@ -7,7 +7,7 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Float
 
-from cfjax.check.document import FunnelClaim
+from cfjax.check.funnel import FunnelClaim
 from cfjax.check.level import LEVELS, Level
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.rational import rational

@@ -12,17 +12,16 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.certificate.fit import DEGREES, SPARING, enclose
+from cfjax.certificate.mirror import mirrored
 from cfjax.certificate.rounding import GRAM_BITS, RoundedFunnel, round_whitening
 from cfjax.check.bounds import Bounds, Extreme, Range
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
-from cfjax.check.graph import Graph
 from cfjax.check.hints import MOST_MONOMIALS
 from cfjax.check.piece import Piece, between
-from cfjax.check.proof import extremes_of
-from cfjax.check.rational import rational
+from cfjax.check.proof import Question
+from cfjax.check.question import ProblemClaim
 from cfjax.check.symbolic import symbolic
-from cfjax.problem import Problem
 
 
 SAMPLES = 256  # of a stretch, in which bounds are looked for
@@ -32,7 +31,7 @@ SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider tha
 
 @dataclass(frozen=True)
 class Stretch:
-    """θ from begin to end (s), and bounds of the reference that hold there; both ends are 0 for a tube."""
+    """θ from begin to end (s), and bounds of the reference that hold there; both ends are 0 for an invariant funnel."""
 
     begin: fmpq
     end: fmpq
@@ -40,7 +39,7 @@ class Stretch:
 
     @property
     def name(self) -> str:
-        """Which stretch is spoken of; nothing for a tube."""
+        """Which stretch is spoken of; nothing where it is all there is."""
         return f"theta from {float(self.begin):.4g} to {float(self.end):.4g} s, " if self.end else ""
 
 
@@ -89,8 +88,15 @@ def _around(values: np.ndarray, slack: float) -> Range:
     return fmpq(math.floor(low), 2**BOUND_BITS), fmpq(math.ceil(high), 2**BOUND_BITS)
 
 
+def question_of(claim: ProblemClaim, rounded: RoundedFunnel) -> Question:
+    """Condition (d) of a funnel for the problem's vehicle."""
+    car = claim.car
+    dynamics = symbolic(car.vehicle.graph, car.vehicle.states, tuple(car.inputs))
+    return mirrored(Question(car, dynamics, rounded.claim()))
+
+
 def decreases_on(
-    problem: Problem, rounded: RoundedFunnel, graph: Graph, stretch: Stretch, degrees: tuple[int, ...] = ()
+    question: Question, rounded: RoundedFunnel, stretch: Stretch, degrees: tuple[int, ...] = ()
 ) -> list[SteadyDecrease]:
     """What has to be shown for (d), one for each extreme reference, with proven enclosures on the funnel's range.
 
@@ -101,35 +107,31 @@ def decreases_on(
         ValueError: where the question cannot be put: the shell reaches the reference, a pole lies in the funnel.
         Broken: the vehicle's dynamics are not of the form in which a few references speak for all.
     """
-    names, states = ("u0", *problem.vehicle.input_names), problem.vehicle.state_names
-    box = {
-        name: (rational(float(limits.lower)), rational(float(limits.upper)))
-        for name, limits in zip(names, problem.inputs, strict=True)
-    }
+    vehicle = question.model.vehicle
     pieces = rounded.level.shell((stretch.begin, stretch.end), rounded.beta_lower, rounded.beta_inner)
-    dynamics = symbolic(graph, states, tuple(box))
-    extremes = extremes_of(dynamics, states, box, rounded.shape, stretch.bounds)
+    extremes = question.extremes(stretch.bounds)
     peak = max(piece.upper for piece in pieces)
-    question = SteadyDecrease(
-        graph=graph,
-        states=states,
+    decrease = SteadyDecrease(
+        graph=vehicle.graph,
+        states=vehicle.states,
         extreme=extremes[0],
-        inputs=box,
+        inputs=question.model.inputs,
         shape=rounded.shape,
         whitening=round_whitening(rounded.funnel.shape / float(peak)),
         pieces=tuple(pieces),
         enclosures={},
         degrees=(),
     )
-    standard = _posed(question, extremes, DEGREES)
-    if "inv" in graph.functions_of(states).values():  # V' is multiplied by it: cosines give that degree back
-        sparing = _posed(question, extremes, SPARING)
+    standard = _posed(decrease, extremes, DEGREES)
+    # V' is multiplied by what it is divided by: cosines give that degree back
+    if "inv" in vehicle.graph.functions_of(vehicle.states).values():
+        sparing = _posed(decrease, extremes, SPARING)
         standard = min(standard, sparing, key=lambda questions: questions[0].degrees[0])
     needed = standard[0].degrees
     if degrees and needed[0] > degrees[0]:
         raise TooLarge(f"V' of degree {2 * needed[0]}, where the stretches before have one of {2 * degrees[0]}")
     degrees = degrees or needed
-    _require_readable(len(states), degrees, sum(1 for _ in question.cells()))
+    _require_readable(len(vehicle.states), degrees, sum(1 for _ in decrease.cells()))
     return [replace(each, degrees=degrees) for each in standard]
 
 

@@ -6,12 +6,13 @@ from typing import Any
 
 from flint import fmpq
 
-from cfjax.check.bounds import Bounds
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import FORMAT, VERSION, FunnelClaim, document_hash
+from cfjax.check.document import CLAIMS, FORMAT, HINTS, VERSION, WITNESS, LegClaim, document_hash
 from cfjax.check.enclosure import UnaryEnclosure
+from cfjax.check.funnel import FunnelClaim
 from cfjax.check.graph import Graph, Node
-from cfjax.check.hints import CellKey
+from cfjax.check.hints import CellHints, CellKey
 from cfjax.check.meaning import closes
 from cfjax.check.piece import Piece
 from cfjax.check.program import Gram
@@ -19,7 +20,7 @@ from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
-from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_pieces, write_surroundings
+from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_path, write_surroundings
 from cfjax.problem import Problem, Vehicle
 from cfjax.problem.vehicle import numbers_of
 
@@ -29,17 +30,33 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
     return {
         "vehicle": write_vehicle(problem.vehicle, graph),
         "method": problem.method.value,
-        "inputs": [
-            {"name": name, "lower": _number(limits.lower), "upper": _number(limits.upper)}
-            for name, limits in zip(("u0", *problem.vehicle.input_names), problem.inputs, strict=True)
-        ],
+        "inputs": write_inputs(exact_inputs(problem)),
         "path": _path(problem, graph),
-        "sets": {
-            "inlet": {"half_axes": [_number(value) for value in problem.inlet.half_axes]},
-            "goal": {"half_axes": [_number(value) for value in problem.goal.half_axes]} if problem.goal else None,
-            "safe": {"half_widths": [_number(value) for value in problem.safe.half_widths]} if problem.safe else None,
-            **write_surroundings(exact_surroundings(problem.obstacles, problem.footprint)),
-        },
+        "sets": write_sets(problem),
+    }
+
+
+def exact_inputs(problem: Problem) -> dict[str, Range]:
+    """The box by name, u0 first."""
+    names = "u0", *problem.vehicle.input_names
+    return {
+        name: (rational(float(ends.lower)), rational(float(ends.upper)))
+        for name, ends in zip(names, problem.inputs, strict=True)
+    }
+
+
+def write_inputs(inputs: Mapping[str, Range]) -> list[dict[str, str]]:
+    """A box by name, u0 first."""
+    return [{"name": name, "lower": str(lower), "upper": str(upper)} for name, (lower, upper) in inputs.items()]
+
+
+def write_sets(problem: Problem) -> dict[str, Any]:
+    """I, G and S, obstacles and the body."""
+    return {
+        "inlet": {"half_axes": [_number(value) for value in problem.inlet.half_axes]},
+        "goal": {"half_axes": [_number(value) for value in problem.goal.half_axes]} if problem.goal else None,
+        "safe": {"half_widths": [_number(value) for value in problem.safe.half_widths]} if problem.safe else None,
+        **write_surroundings(exact_surroundings(problem.obstacles, problem.footprint)),
     }
 
 
@@ -54,7 +71,7 @@ def write_vehicle(vehicle: Vehicle, graph: Graph) -> dict[str, Any]:
 
 
 def write_funnel(funnel: FunnelClaim) -> dict[str, Any]:
-    """The V of one kind of segment with the margin that is claimed for it."""
+    """V with the margins that are claimed for it, of a funnel for the vehicle that drives."""
     return {
         "template": funnel.level.name,
         "shape": [str(funnel.shape[i][j]) for i in range(len(funnel.shape)) for j in range(i + 1)],
@@ -64,23 +81,31 @@ def write_funnel(funnel: FunnelClaim) -> dict[str, Any]:
         "beta_inner": str(funnel.beta_inner),
         "margin": str(funnel.margin),
         "margin_per_metre": None if funnel.margin_per_metre is None else str(funnel.margin_per_metre),
+        "model": None,
     }
 
 
-def write_decrease(degrees: Sequence[int], stretches: list[dict]) -> dict[str, Any]:
-    """The hints for condition (d) along one segment or tube."""
-    return {"degrees": list(degrees), "stretches": stretches}
+def write_legs(legs: Sequence[LegClaim]) -> list[dict[str, int]]:
+    """Which funnel holds up to which piece of the path."""
+    return [{"end": leg.end, "funnel": leg.funnel} for leg in legs]
+
+
+def write_joints(ratios: Sequence[fmpq]) -> list[dict[str, str]]:
+    """How much wider each next funnel is."""
+    return [{"ratio": str(ratio)} for ratio in ratios]
+
+
+def write_decrease(degrees: Sequence[int], mirror: Sequence[int] | None, stretches: list[dict]) -> dict[str, Any]:
+    """The hints for condition (d) of one funnel."""
+    return {"degrees": list(degrees), "mirror": None if mirror is None else list(mirror), "stretches": stretches}
 
 
 def write_stretch(
-    end: fmpq,
-    bounds: Bounds,
-    decrease: SteadyDecrease,
-    cells: Sequence[tuple[CellKey, fmpq, Sequence[Gram]]],
+    end: fmpq | None, bounds: Bounds, decrease: SteadyDecrease, cells: Sequence[tuple[CellKey, CellHints]]
 ) -> dict[str, Any]:
-    """The hints on one stretch: per cell its reference, level piece, signs, margin and Gram matrices."""
+    """The hints on one stretch, cell by cell; without an end it is all that there is of an invariant funnel."""
     return {
-        "end": str(end),
+        "end": None if end is None else str(end),
         "bounds": write_bounds(bounds),
         "whitening": [[str(entry) for entry in row] for row in decrease.whitening],
         "enclosures": write_unary(decrease.enclosures),
@@ -89,10 +114,11 @@ def write_stretch(
                 "reference": reference,
                 "piece": piece,
                 "signs": list(signs),
-                "margin": str(margin),
-                "grams": write_grams(grams),
+                "margin": str(found.margin),
+                "remainder": [str(value) for value in found.remainder],
+                "grams": write_grams(found.grams),
             }
-            for (reference, piece, signs), margin, grams in cells
+            for (reference, piece, signs), found in cells
         ],
     }
 
@@ -122,21 +148,28 @@ def write_bounds(bounds: Bounds) -> dict[str, Any]:
     return {name: [str(end) for end in ends] for name, ends in bounds.intervals.items()}
 
 
-def write_witness(condition: str, funnel: int, theta: fmpq, reference: int, x: Sequence[fmpq]) -> dict[str, Any]:
-    """Where a candidate violates a condition: which funnel, and of a tube at which of its extreme references."""
+def write_witness(condition: str, leg: int, theta: fmpq, reference: int, x: Sequence[fmpq]) -> dict[str, Any]:
+    """Where a candidate violates a condition: on which leg, or at which extreme reference of every path in bounds."""
     return {
         "condition": condition,
-        "funnel": funnel,
+        "leg": leg,
         "theta": str(theta),
         "reference": reference,
         "x": [str(value) for value in x],
     }
 
 
-def seal(claim: str, problem: Mapping[str, Any], funnels: list[dict], last: dict) -> dict[str, Any]:
-    """The whole document with its hash; `last` holds the proofs of funnels or the witness of a refutation."""
-    place = "proofs" if claim == "funnel" else "witness"
-    return with_hash(claim, {"problem": dict(problem), "funnels": funnels, place: last})
+def seal(
+    claim: str,
+    problem: Mapping[str, Any],
+    funnels: list[dict],
+    last: dict,
+    legs: Sequence[LegClaim] = (),
+    ratios: Sequence[fmpq] = (),
+) -> dict[str, Any]:
+    """The whole document with its hash; `last` holds the hints for funnels or the witness of a refutation."""
+    content = {"funnels": funnels, "legs": write_legs(legs), "joints": write_joints(ratios)}
+    return with_hash(claim, {"problem": dict(problem), **content, HINTS if claim == CLAIMS[0] else WITNESS: last})
 
 
 def with_hash(claim: str, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -178,13 +211,8 @@ def _closes(problem: Problem, graph: Graph, pieces: Sequence[Piece]) -> bool:
 def _path(problem: Problem, graph: Graph) -> dict[str, Any]:
     path = problem.path
     if path.tube:
-        return {"name": path.name, "tube": write_bounds(exact_bounds(path.tube))}
-    reference = exact_course(path)
-    return {
-        "name": path.name,
-        # that one lap leads to the next is proven where it is known what the gap between them does to the states
-        "closed": path.closed and (problem.vehicle.name in KNOWN_VEHICLES or _closes(problem, graph, reference.pieces)),
-        "start": [_number(value) for value in path.curve[0].start],
-        "pieces": write_pieces(reference.pieces),
-        "kinds": list(path.kinds),
-    }
+        return {"name": path.name, "bounds": write_bounds(exact_bounds(path.tube))}
+    pieces = exact_course(path).pieces
+    # that one lap leads to the next is proven where it is known what the gap between them does to the states
+    closed = path.closed and (problem.vehicle.name in KNOWN_VEHICLES or _closes(problem, graph, pieces))
+    return write_path(path, pieces, closed)

@@ -9,10 +9,10 @@ let inputs be held for a period h, ẋ be off by |d_i| ≤ δ_i, the pose by |e_
 the inputs were chosen, V̇ ≤ −λ' + Σ N_i ε_i + Σ G_i δ_i + (L + Σ N_i δ_i) τ + (M + Σ N_i δ_i) s where the law saw the
 shell; elsewhere V ≤ β̲ + ω + (D + Σ G_i δ_i)(h + τ), with ω by which the pose's error changes V. So V ≤ 1 − ω is kept if
 
-    (L + Σ N δ) τ + Σ G δ + Σ N ε + (M + Σ N δ) h/2 ≤ λ',          β̲ + 2 ω + (D + Σ G δ)(h + τ) ≤ 1;
+    (L + Σ N δ) τ + Σ G δ + Σ N ε + (M + Σ N δ) h/2 ≤ λ',          β̲ + 2 ω + (D + Σ G δ)(h + τ) ≤ 1.
 
-where a segment hands over to the next one, whose V is then γ at most, γ stands for β̲ + ω: until an input chosen for the
-new segment comes, V rises by (D + Σ G δ)(h + τ) at most. Without error of the pose ω = 0, and V ≤ 1 itself is kept.
+Without error of the pose ω = 0, and V ≤ 1 itself is kept. Where one leg leads into another one there is more to ask
+(`cfjax.check.descent`).
 
 A file states amounts, and hints for the bounds. Whether the bounds allow the amounts is decided here.
 """
@@ -25,7 +25,7 @@ from typing import NamedTuple
 from flint import fmpq
 
 from cfjax.check.bounds import Bounds, Range
-from cfjax.check.certified import LAW_SHARE
+from cfjax.check.funnel import LAW_SHARE
 from cfjax.check.reader import Broken
 
 
@@ -45,7 +45,7 @@ class Rates:
     widest: fmpq  # the largest √V (√q)
     staleness: fmpq  # L, 1/s²
     decrease: fmpq  # λ' − J, 1/s
-    inner: fmpq  # β̲, or γ where that is larger
+    inner: fmpq  # β̲
     horizon: fmpq = MOST  # s from what was measured on in which the bounds hold
 
     def spent(self, amounts: "Absorbed") -> fmpq:
@@ -112,8 +112,8 @@ class Absorbed:
 class Stated(NamedTuple):
     """What a file states: amounts each by itself (of δ and ε one state's alone), and amounts that come together.
 
-    `by_speed` has for each band of a tube's speeds what is absorbed by itself at these; its errors of the pose are
-    those of all bands.
+    `by_speed` has for each band of speeds what is absorbed by itself at these; its errors of the pose are those of all
+    bands.
     """
 
     alone: Absorbed
@@ -124,18 +124,28 @@ class Stated(NamedTuple):
 Keeps = Callable[[Absorbed], fmpq | None]  # the level that is kept under some amounts, where one is
 
 
+class Told(NamedTuple):
+    """What a law is told of a funnel: λ (1/s), μ (1/m), β̲ and β_in, and bounds for all of which it has to ask."""
+
+    margin: fmpq
+    margin_per_metre: fmpq | None
+    shell: fmpq
+    inner: fmpq
+    bounds: Bounds | None
+
+
 @dataclass(frozen=True)
 class BoundsOver:
     """What is proven over the funnels of a certificate, and what follows for amounts.
 
-    `rates` are those of each distinct segment, of each band of a tube's speeds (m/s), or of all bands of all tubes
-    along a path; `along` has for each run of such a path bounds for all of which the law has to ask.
+    `rates` are those of every funnel, of an invariant one for each band of speeds; `told` is by funnel. `bands` (m/s)
+    are those of a funnel for every path within bounds, of which amounts are stated band by band.
     """
 
     rates: tuple[Rates, ...]
     keeps: Keeps
+    told: tuple[Told, ...]
     bands: tuple[Range, ...] = ()
-    along: tuple[Bounds, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -151,9 +161,9 @@ class Robustness:
     together: Absorbed
     level: fmpq
     rates: tuple[Rates, ...]
+    told: tuple[Told, ...] = ()  # by funnel
     bands: tuple[Range, ...] = ()
     by_speed: tuple[Absorbed, ...] = ()
-    along: tuple[Bounds, ...] = ()
 
 
 def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
@@ -189,9 +199,9 @@ def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
         together=together,
         level=level("amounts together", together),
         rates=bounds.rates,
+        told=bounds.told,
         bands=bounds.bands,
         by_speed=by_speed,
-        along=bounds.along,
     )
 
 

@@ -276,13 +276,13 @@ def _peak(slope: arb, curvature: arb, half: arb) -> arb:
 
 
 def _duration(pieces: Sequence[Piece]) -> fmpq:
-    """T of the segment (s)."""
+    """T of the leg (s)."""
     if not pieces:
-        raise ValueError("clearance: expected the pieces of a segment, got none")
+        raise ValueError("clearance: expected the pieces of a leg, got none")
     theta = fmpq(0)
     for piece in pieces:
-        if piece.theta != theta or not piece.duration > 0 or piece.segment != pieces[0].segment:
-            raise ValueError("clearance: expected the pieces of one segment, one after the other from theta = 0")
+        if piece.theta != theta or not piece.duration > 0:
+            raise ValueError("clearance: expected the pieces of a leg, one after the other from theta = 0")
         theta += piece.duration
     return theta
 

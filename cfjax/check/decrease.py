@@ -15,7 +15,9 @@ a cell
 
     p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
-where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos; what the Gram matrices then prove, `cfjax.check.program` says.
+where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos. (A file states a bound e + e' |y|² of ε, which is taken in its
+place: how anybody comes by ε is no matter then, as long as it is no more.) What the Gram matrices then prove,
+`cfjax.check.program` says.
 
 Where the rates divide by something, F_u is a quotient with a denominator D > 0 (`cfjax.check.quotient`), and D F_u
 takes its place: p_u − ε stands for that, and p_D drop for drop, p_D being the polynomial of D, |D − p_D| ≤ δ. What is
@@ -28,32 +30,31 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
-from flint import arb, fmpq, fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
 from cfjax.check.bounds import Extreme
-from cfjax.check.enclosure import UnaryEnclosure
+from cfjax.check.enclosure import Enclosure, UnaryEnclosure
 from cfjax.check.graph import Graph
 from cfjax.check.level import LevelPiece
 from cfjax.check.program import CellProof, FunnelProgram, Matrix
 from cfjax.check.quotient import Quotient, UnaryOf, applied
-from cfjax.check.rational import sqrt_upper, upper_bound
+from cfjax.check.rational import dyadic, sqrt_upper
 
 
-def contraction_way(beta_lower: fmpq, beta_inner: fmpq) -> fmpq:
-    """By how much λ t has to grow until V ≤ 1 has become V ≤ β_in: a rational that is at least that.
-
-    V̇ ≤ −λ down to β̲, then V̇ ≤ −λ V/β̲: 1 − β̲ + β̲ ln(β̲/β_in).
-    """
-    return 1 - beta_lower + beta_lower * upper_bound(arb(beta_lower / beta_inner).log())
+Remainder = tuple[fmpq, fmpq]  # e and e' of e + e' |y|²
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One sign pattern on one range of q: the signs of the s_i (in the order of the free inputs) and the vertex u."""
+    """One sign pattern on one range of q: the signs of the s_i (in the order of the free inputs) and the vertex u.
+
+    `remainder` is the bound of ε that a file states; without one it is the least that is known.
+    """
 
     piece: int
     signs: tuple[int, ...]
     vertex: tuple[fmpq, ...]
+    remainder: Remainder | None = None
 
 
 @dataclass(frozen=True)
@@ -142,12 +143,33 @@ class SteadyDecrease(FunnelProgram):
 
     def target(self, cell: Cell) -> fmpq_mpoly:
         """p_u − ε(y): a polynomial that is nowhere on the ball above D F_u."""
+        demand = self._demand(cell)
+        constant, square = self.remainder(cell) if cell.remainder is None else self._stated(cell, cell.remainder)
+        norm_squared = sum((y * y for y in self.ring.gens()), self.ring.constant(0))
+        return self.domain.negative(self.domain.sum(demand.polynomial, norm_squared * square + constant))
+
+    def _demand(self, cell: Cell) -> Enclosure:
+        """q̇ + timing u0 at the cell's vertex, enclosed: times the denominator, where there is one."""
         u0 = dict(zip(self.inputs, cell.vertex, strict=True))["u0"]
-        piece = self.pieces[cell.piece]
-        demand = (self.form_rates[cell.vertex] + self._timing(piece, u0)).numerator
+        return (self.form_rates[cell.vertex] + self._timing(self.pieces[cell.piece], u0)).numerator
+
+    def remainder(self, cell: Cell) -> Remainder:
+        """e and e' with ε ≤ e + e' |y|² on the ball, as this arithmetic finds them, a little rounded up."""
         # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q/peak
-        remainder = demand.remainder_polynomial(sqrt_upper(piece.lower / self.peak))
-        return self.domain.negative(self.domain.sum(demand.polynomial, remainder))
+        constant, square = self._demand(cell).remainder_bound(sqrt_upper(self.pieces[cell.piece].lower / self.peak))
+        return dyadic(constant, up=True), dyadic(square, up=True)
+
+    def _stated(self, cell: Cell, remainder: Remainder) -> Remainder:
+        """The bound that a file states.
+
+        Raises:
+            ValueError: somewhere on the ball it is below the one that is known.
+        """
+        least = self.remainder(cell)
+        for size in (fmpq(0), self.domain.radius_squared):  # both are affine in |y|²
+            if remainder[0] + remainder[1] * size < least[0] + least[1] * size:
+                raise ValueError("what the enclosures leave over is more than is stated")
+        return remainder
 
     @cached_property
     def slopes(self) -> dict[str, Quotient]:

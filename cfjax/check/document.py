@@ -1,166 +1,114 @@
-"""certificate.json as typed claims: what the file states, with the hints (`cfjax.check.hints`) that it comes with.
+"""certificate.json as typed claims: question, funnels, legs and joints, with the hints or the witness for them.
 
 `docs/certificate-format.md` describes the format. Reading checks shapes, sizes and that numbers are exact; whether
 anything stated is true is not decided here (`cfjax.check.replay`).
 """
 
 import hashlib
-import itertools
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
-from flint import acb, arb, fmpq
+from flint import fmpq
 
-from cfjax.check.bounds import MOST_EXTREMES, Bounds, read_bounds
-from cfjax.check.containment import Asked
-from cfjax.check.graph import ARITY, MOST_INPUTS, MOST_NODES, MOST_STATES, Graph, Node
+from cfjax.check.bounds import MOST_EXTREMES, Bounds
+from cfjax.check.funnel import FunnelClaim, Model
 from cfjax.check.hints import MOST_GRAM_ENTRIES, DecreaseHints, Room, read_decrease
-from cfjax.check.level import LEVELS, Level
-from cfjax.check.piece import Piece, are_steady
-from cfjax.check.polynomial import Coefficients
+from cfjax.check.legs import Leg
+from cfjax.check.level import LEVELS
 from cfjax.check.program import Matrix
-from cfjax.check.rational import bits
+from cfjax.check.question import MOST_PIECES, ProblemClaim, problem_of, read_inputs, read_vehicle
 from cfjax.check.reader import Broken, Item, Unreadable
-from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.surroundings import Clearance, Surroundings, read_clearance, read_surroundings
+from cfjax.check.surroundings import Clearance, read_clearance
 
 
 FORMAT = "cfjax-certificate"
-VERSION = 3
+VERSION = 4
 CLAIMS = ("funnel", "refutation")
-PROOFS, WITNESS = "proofs", "witness"  # the last field, by claim
-MOST_PARAMETERS = 32  # of a vehicle
-MOST_PIECES = 4096  # of a path: a lap of a race track for a car of full size
-LONGEST = 600  # bits of a path's coefficient; exact sums along a path take some hundred
-LONGEST_SUM = 8 * LONGEST  # bits of θ and arc length
-MOST_POWERS = 8  # of a path's polynomials
+HINTS, WITNESS = "hints", "witness"  # the last field, by claim
+MOST_FUNNELS = 128
 
 
-@dataclass(frozen=True)
-class VehicleClaim:
-    """Whose dynamics: the deviation's rate as a graph over states, `input:…` and `reference:…`."""
+class LegClaim(NamedTuple):
+    """Pieces begin, …, end − 1 of the path, and the funnel along them, by its number."""
 
-    name: str
-    parameters: Mapping[str, fmpq]
-    states: tuple[str, ...]
-    graph: Graph
-
-
-@dataclass(frozen=True)
-class SegmentClaim:
-    """A stretch of reference in exact pieces, θ from 0 to the duration (s)."""
-
-    pieces: tuple[Piece, ...]
-
-    @property
-    def duration(self) -> fmpq:
-        return sum((piece.duration for piece in self.pieces), fmpq(0))
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether it is written so that turning rate and speed are one number each."""
-        return are_steady(self.pieces)
-
-    @property
-    def course(self) -> tuple[tuple[fmpq, Coefficients, Coefficients], ...]:
-        """What the dynamics see of it, wherever it lies: segments with the same are the same problem."""
-        return tuple((piece.duration, piece.turn_rate, piece.speed) for piece in self.pieces)
-
-    def profile(self, theta: fmpq) -> dict[str, fmpq]:
-        """What the dynamics see of it at θ (s), by the graph's names; of two pieces that meet there, the later one."""
-        piece = [piece for piece in self.pieces if piece.theta <= theta][-1]
-        return piece.profile(theta - piece.theta)
-
-
-@dataclass(frozen=True)
-class Course:
-    """A path: its segments, of which each repeats one of the distinct ones, and where they lie in the plane."""
-
-    reference: Reference
-    closed: bool
-    segments: tuple[SegmentClaim, ...]
-    kinds: tuple[int, ...]  # for each segment, the funnel along it
-
-
-@dataclass(frozen=True)
-class ProblemClaim:
-    """The question that the file answers; sets and limits by state and by input."""
-
-    vehicle: VehicleClaim
-    method: str
-    inputs: Mapping[str, tuple[fmpq, fmpq]]  # u0 first
-    path: str
-    course: Course | Bounds
-    inlet: tuple[fmpq, ...]  # half-axes of I
-    goal: tuple[fmpq, ...] | None  # half-axes of G; None of a tube of which none is asked
-    safe: tuple[fmpq, ...] | None  # half-widths of the box S
-    surroundings: Surroundings
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether it speaks of one turning rate and speed alone."""
-        course = self.course
-        return course.is_single if isinstance(course, Bounds) else are_steady(course.reference.pieces)
-
-    @property
-    def kinds(self) -> tuple[int, ...]:
-        """For each segment, the funnel along it; a tube is one."""
-        return self.course.kinds if isinstance(self.course, Course) else (0,)
-
-    @property
-    def distinct(self) -> tuple[SegmentClaim | Bounds, ...]:
-        """One for each funnel: the tube, or the first segment of each kind."""
-        course = self.course
-        if isinstance(course, Bounds):
-            return (course,)
-        return tuple(course.segments[self.kinds.index(kind)] for kind in range(max(self.kinds) + 1))
-
-    def asked(self, kind: int) -> Asked:
-        """What is asked of the funnel along segments of that kind."""
-        first, last = kind == self.kinds[0], kind == self.kinds[-1]
-        return Asked(self.inlet if first else None, self.goal if last else None, self.safe)
-
-
-@dataclass(frozen=True)
-class FunnelClaim:
-    """V of a template on segments of one kind, β = 1, and the margin λ (1/s) claimed; of a tube, per metre too."""
-
-    level: Level
-    shape: Matrix
-    beta_lower: fmpq
-    beta_inner: fmpq
-    margin: fmpq
-    margin_per_metre: fmpq | None
+    begin: int
+    end: int
+    funnel: int
 
 
 @dataclass(frozen=True)
 class Witness:
-    """A deviation x at θ (s) at which a candidate violates a condition (a, b, c or d); of a tube, at a reference."""
+    """A deviation x at θ (s) of a leg at which its funnel violates a condition (a, b, c or d).
+
+    `reference` says at which of the extreme ones, where every path within bounds is meant.
+    """
 
     condition: str
-    funnel: int
+    leg: int
     theta: fmpq
-    reference: int  # which of a tube's extreme ones
+    reference: int
     x: tuple[fmpq, ...]
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """A whole file: hints for each funnel where it claims one, a witness where it refutes one.
+class Claims:
+    """What a file states: the question, funnels with the cars that they are proven for, legs, and how joints fit.
 
-    `clearance` has, for each segment, for each obstacle, for each disc of the footprint, half-planes along θ.
+    Where every path within bounds is meant there are no legs, and one funnel. `ratios[k]` is that of the joint after
+    leg k (`cfjax.check.legs`).
     """
 
     problem: ProblemClaim
     funnels: tuple[FunnelClaim, ...]
+    models: tuple[Model, ...]
+    parts: tuple[LegClaim, ...]
+    ratios: tuple[fmpq, ...]
+
+    @cached_property
+    def driven(self) -> tuple[FunnelClaim, ...]:
+        """The funnels as the vehicle that drives has them."""
+        return tuple(model.driven(funnel) for model, funnel in zip(self.models, self.funnels, strict=True))
+
+    @cached_property
+    def legs(self) -> tuple[Leg, ...]:
+        """The path with its funnels; none where every path within bounds is meant."""
+        course = self.problem.course
+        if isinstance(course, Bounds):
+            return ()
+        return tuple(
+            Leg(course.reference, begin, end, self.driven[funnel], index)
+            for index, (begin, end, funnel) in enumerate(self.parts)
+        )
+
+    def legs_of(self, funnel: int) -> tuple[Leg, ...]:
+        """Those along which the funnel with this number holds."""
+        return tuple(leg for leg, part in zip(self.legs, self.parts, strict=False) if part.funnel == funnel)
+
+    @property
+    def first(self) -> int:
+        """The funnel in which a car starts, by its number."""
+        return self.parts[0].funnel if self.parts else 0
+
+    @property
+    def last(self) -> int:
+        """The one in which it arrives."""
+        return self.parts[-1].funnel if self.parts else 0
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A whole file: hints for each funnel and half-planes for each leg, or a witness where it refutes a candidate."""
+
+    claims: Claims
     hints: tuple[DecreaseHints, ...]
     clearance: Clearance
     witness: Witness | None
 
 
-def document_hash(document: Mapping[str, object]) -> str:
-    """SHA-256 of the canonical JSON (sorted keys, no spaces, ASCII) of everything but the hash itself."""
+def document_hash(document: dict) -> str:
+    """Of everything but the hash itself, independent of the order of fields and of white space."""
     content = {name: value for name, value in document.items() if name != "hash"}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return "sha256:" + hashlib.sha256(text.encode("ascii")).hexdigest()
@@ -173,178 +121,90 @@ def read_certificate(document: object, skip_hash: bool = False) -> Certificate:
         Unreadable: says what was expected where.
         Broken: the hash is not that of the content.
     """
-    problem, funnels, last = _claims(document, skip_hash)
+    claims, last = _claims(document, skip_hash)
     if last.where == WITNESS:
-        return Certificate(problem, funnels, (), (), _witness(last, problem))
-    proofs, clearance = last.record("decrease", "clearance")
-    room, states = Room(MOST_GRAM_ENTRIES), len(problem.vehicle.states)
-    hints = tuple(read_decrease(item, states, room) for item in proofs.items(len(funnels), len(funnels)))
-    spans = 0 if isinstance(problem.course, Bounds) else len(problem.course.segments)
-    return Certificate(problem, funnels, hints, read_clearance(clearance, problem.surroundings, spans), None)
+        return Certificate(claims, (), (), _witness(last, claims))
+    decrease, clearance = last.record("decrease", "clearance")
+    room, count = Room(MOST_GRAM_ENTRIES), len(claims.funnels)
+    states, inputs = len(claims.problem.vehicle.states), len(claims.problem.inputs)
+    hints = tuple(read_decrease(item, states, inputs, room) for item in decrease.items(count, count))
+    return Certificate(claims, hints, read_clearance(clearance, claims.problem.surroundings, len(claims.parts)), None)
 
 
-def read_claims(document: object) -> tuple[ProblemClaim, tuple[FunnelClaim, ...]]:
-    """What a parsed file of claim `funnel` states, its proofs left aside: for a file that was replayed before.
+def read_claims(document: object) -> Claims:
+    """What a parsed file of claim `funnel` states, its hints left aside: for a file that was replayed before.
 
     Raises:
         Unreadable: says what was expected where.
     """
-    problem, funnels, last = _claims(document, skip_hash=True)
+    claims, last = _claims(document, skip_hash=True)
     if last.where == WITNESS:
         raise Unreadable("claim: expected funnel, got refutation")
-    return problem, funnels
+    return claims
 
 
-def read_problem(question: Mapping[str, object]) -> ProblemClaim:
-    """The question of a file, by itself: for whoever is about to write one.
+def read_header(
+    document: object, claims: tuple[str, ...], names: tuple[str, ...], skip_hash: bool = False
+) -> list[Item]:
+    """The claim of a file of this format, and then its other fields.
 
     Raises:
-        Unreadable, Broken: says what was expected where.
+        Unreadable, Broken: it is none, or its hash is not that of its content.
     """
-    return _problem(Item(dict(question), "problem"))
-
-
-def _claims(document: object, skip_hash: bool) -> tuple[ProblemClaim, tuple[FunnelClaim, ...], Item]:
-    """The question, the funnels and the last field: proofs or witness."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise Unreadable(f"not a certificate: expected an object with format {FORMAT}")
-    if document.get("version") != VERSION or isinstance(document["version"], bool):
-        raise Unreadable(f"this checker reads version {VERSION} of the format")
-    claim = Item(document.get("claim"), "claim").choice(*CLAIMS)
-    last = PROOFS if claim == "funnel" else WITNESS
-    fields = Item(document, "").record("format", "version", "claim", "hash", "problem", "funnels", last)
+    version = document.get("version")
+    if version != VERSION or isinstance(version, bool):
+        earlier = isinstance(version, int) and version < VERSION
+        hint = ": an earlier release made the file, and it has to be made again" if earlier else ""
+        raise Unreadable(f"this checker reads version {VERSION} of the format{hint}")
+    Item(document.get("claim"), "claim").choice(*claims)
+    fields = Item(document, "").record("format", "version", "claim", "hash", *names)
     if not skip_hash and fields[3].value != document_hash(document):
         raise Broken("hash: the content has changed since the hash was taken")
-    problem = _problem(fields[4])
-    count = len(problem.distinct)
-    funnels = tuple(_funnel(item, len(problem.vehicle.states)) for item in fields[5].items(count))
-    if len(funnels) != count:
-        raise Unreadable(f"funnels: expected {count}, one for each kind of segment, got {len(funnels)}")
-    return problem, funnels, fields[6]
+    return fields[4:]
 
 
-def _problem(item: Item) -> ProblemClaim:
-    vehicle, method, inputs, path, sets = item.record("vehicle", "method", "inputs", "path", "sets")
-    claim = _vehicle(vehicle)
-    size = len(claim.states)
-    inlet, goal, safe, obstacles, footprint = sets.record("inlet", "goal", "safe", "obstacles", "footprint")
-    label, course = _path(path)
-    box = [_input(entry) for entry in inputs.items(MOST_INPUTS)]
-    if len(dict(box)) != len(box) or box[0][0] != "u0":
-        raise Unreadable("problem.inputs: expected distinct names, u0 first")
-    return ProblemClaim(
-        vehicle=claim,
-        method=method.choice("pf", "tt"),
-        inputs=dict(box),
-        path=label,
-        course=course,
-        inlet=tuple(axis.positive() for axis in inlet.record("half_axes")[0].items(size, size)),
-        goal=None
-        if goal.value is None and isinstance(course, Bounds)  # a path has an end
-        else tuple(axis.positive() for axis in goal.record("half_axes")[0].items(size, size)),
-        safe=None
-        if safe.value is None
-        else tuple(width.positive() for width in safe.record("half_widths")[0].items(size, size)),
-        surroundings=read_surroundings(obstacles, footprint),
-    )
+def _claims(document: object, skip_hash: bool) -> tuple[Claims, Item]:
+    """What is stated, and the last field: hints or witness."""
+    refutes = isinstance(document, dict) and document.get("claim") == CLAIMS[1]
+    names = "problem", "funnels", "legs", "joints", WITNESS if refutes else HINTS
+    question, funnels, legs, joints, last = read_header(document, CLAIMS, names, skip_hash)
+    problem = problem_of(question)
+    read = [_funnel(item, problem) for item in funnels.items(MOST_FUNNELS)]
+    parts = _legs(legs, problem, len(read))
+    if len(read) != max((part.funnel for part in parts), default=0) + 1:
+        funnels.refuse("one for each number that legs name, or a single one for every path within bounds")
+    is_lap = not isinstance(problem.course, Bounds) and problem.course.closed
+    count = 0 if refutes else max(len(parts) - 1, 0) + is_lap
+    ratios = tuple(item.record("ratio")[0].positive() for item in joints.items(count, count))
+    return Claims(problem, tuple(one for one, _ in read), tuple(model for _, model in read), parts, ratios), last
 
 
-def _vehicle(item: Item) -> VehicleClaim:
-    name, parameters, states, dynamics = item.record("name", "parameters", "states", "dynamics")
-    nodes, outputs = dynamics.record("nodes", "outputs")
-    labels = tuple(state.label() for state in states.items(MOST_STATES))
-    if len(set(labels)) != len(labels):
-        states.refuse("distinct plain names")
-    operations = nodes.items(MOST_NODES)
-    try:
-        graph = Graph(
-            tuple(_node(node) for node in operations),
-            tuple(output.integer(0, len(operations) - 1) for output in outputs.items(len(labels), len(labels))),
-        )
-    except (Unreadable, Broken):
-        raise
-    except ValueError as error:
-        raise Unreadable(f"{dynamics.where}: {error}") from None
-    return VehicleClaim(
-        name.text(), {k: value.rational() for k, value in parameters.entries(MOST_PARAMETERS, least=0)}, labels, graph
-    )
+def _legs(item: Item, problem: ProblemClaim, funnels: int) -> tuple[LegClaim, ...]:
+    """They follow each other from the first piece to the last; speed is continuous along each."""
+    if isinstance(problem.course, Bounds):
+        item.items(0, 0)
+        return ()
+    pieces, found, begin = problem.course.reference.pieces, [], 0
+    for entry in item.items(MOST_PIECES):
+        end, funnel = entry.record("end", "funnel")
+        part = LegClaim(begin, end.integer(begin + 1, len(pieces)), funnel.integer(0, funnels - 1))
+        if part.funnel > max((before.funnel for before in found), default=-1) + 1:
+            funnel.refuse("funnels numbered as they appear")
+        for index in range(begin + 1, part.end):
+            if pieces[index - 1].end_speed != pieces[index].speed[0]:
+                raise Broken(f"path: the speed jumps at piece {index}, inside leg {len(found)}")
+        found.append(part)
+        begin = part.end
+    if begin != len(pieces):
+        raise Unreadable(f"{item.where}: expected the last one to end with piece {len(pieces)}, got {begin}")
+    return tuple(found)
 
 
-def _node(item: Item) -> Node:
-    op, *args = item.items(3)
-    kind = op.choice(*ARITY)
-    if kind in ("constant", "input"):
-        if len(args) != 1:
-            item.refuse("one value")
-        return Node(kind, value=args[0].rational()) if kind == "constant" else Node(kind, name=args[0].text())
-    return Node(kind, tuple(arg.integer(0, MOST_NODES) for arg in args))
-
-
-def _input(item: Item) -> tuple[str, tuple[fmpq, fmpq]]:
-    name, lower, upper = item.record("name", "lower", "upper")
-    return name.label(), (lower.rational(), upper.rational())
-
-
-def _path(item: Item) -> tuple[str, Course | Bounds]:
-    if isinstance(item.value, dict) and "tube" in item.value:
-        name, tube = item.record("name", "tube")
-        return name.text(), read_bounds(tube)
-    name, closed, start, pieces, kinds = item.record("name", "closed", "start", "pieces", "kinds")
-    if not isinstance(closed.value, bool):
-        closed.refuse("true or false")
-    reference = read_reference(start, pieces)
-    count = reference.pieces[-1].segment + 1
-    own = (tuple(group) for _, group in itertools.groupby(reference.pieces, lambda piece: piece.segment))
-    segments = tuple(map(SegmentClaim, own))
-    order = tuple(kind.integer(0, count - 1) for kind in kinds.items(count, count))
-    first: list[SegmentClaim] = []
-    for kind, segment in zip(order, segments, strict=True):
-        if kind > len(first):
-            kinds.refuse("kinds numbered as they appear")
-        if kind == len(first):
-            first.append(segment)
-        elif first[kind].course != segment.course:
-            kinds.refuse("segments of one kind to have the same pieces")
-    return name.text(), Course(reference, closed.value is True, segments, order)
-
-
-def read_reference(start: Item, pieces: Item) -> Reference:
-    """A path in exact pieces, whose speed is continuous along each segment; θ counts from each segment's start.
-
-    Raises:
-        Unreadable, Broken: says what was expected where.
-    """
-    heading, x, y = (entry.rational() for entry in start.items(3, 3))
-    found: list[Piece] = []
-    arc = theta = fmpq(0)
-    for item in pieces.items(MOST_PIECES):
-        segment, duration, turn_rate, speed = item.record("segment", "duration", "turn_rate", "speed")
-        before = found[-1] if found else None
-        first = before.segment if before else 0
-        index = segment.integer(first, first + (1 if before else 0))
-        theta = theta if before is None or index == before.segment else fmpq(0)
-        turning, moving = _powers(turn_rate), _powers(speed)
-        piece = Piece(index, theta, duration.positive(), turning, moving, arc)
-        if before is not None and index == before.segment and before.end_speed != moving[0]:
-            raise Broken(f"path: the speed jumps at piece {len(found)}")
-        found.append(piece)
-        theta, arc = theta + piece.duration, arc + piece.length
-        if max(bits(theta), bits(arc)) > LONGEST_SUM:  # with unlike denominators they would grow from piece to piece
-            item.refuse(f"sums along the path of at most {LONGEST_SUM} bits")
-    return Reference(tuple(found), ExactPose(heading, acb(arb(x), arb(y))))
-
-
-def _powers(item: Item) -> Coefficients:
-    """Of a polynomial in ascending powers."""
-    found = tuple(entry.rational() for entry in item.items(MOST_POWERS))
-    if max(map(bits, found)) > LONGEST:
-        item.refuse(f"coefficients of at most {LONGEST} bits")
-    return found
-
-
-def _funnel(item: Item, size: int) -> FunnelClaim:
-    template, shape, rate, beta, beta_lower, beta_inner, margin, per_metre = item.record(
-        "template", "shape", "rate", "beta", "beta_lower", "beta_inner", "margin", "margin_per_metre"
+def _funnel(item: Item, problem: ProblemClaim) -> tuple[FunnelClaim, Model]:
+    template, shape, rate, beta, beta_lower, beta_inner, margin, per_metre, model = item.record(
+        "template", "shape", "rate", "beta", "beta_lower", "beta_inner", "margin", "margin_per_metre", "model"
     )
     if beta.rational() != 1:
         beta.refuse("1, to which V is normalised")
@@ -354,14 +214,25 @@ def _funnel(item: Item, size: int) -> FunnelClaim:
     innermost = beta_inner.positive()
     if innermost > inner:
         beta_inner.refuse("a rational above 0, at most beta_lower")
-    return FunnelClaim(
+    claim = FunnelClaim(
         level=LEVELS[template.choice(*LEVELS)](rate.rational()),
-        shape=_symmetric(shape, size),
+        shape=_symmetric(shape, len(problem.vehicle.states)),
         beta_lower=inner,
         beta_inner=innermost,
         margin=margin.rational(),
         margin_per_metre=None if per_metre.value is None else per_metre.rational(),
     )
+    if model.value is not None and claim.margin_per_metre is None:
+        model.refuse("no model for a funnel that changes with theta")
+    return claim, problem.car if model.value is None else _model(model, problem)
+
+
+def _model(item: Item, problem: ProblemClaim) -> Model:
+    vehicle, inputs, length, speed = item.record("vehicle", "inputs", "length", "speed")
+    claim = read_vehicle(vehicle)
+    if claim.states != problem.vehicle.states:
+        vehicle.refuse("the states of the problem's vehicle")
+    return Model(claim, read_inputs(inputs, claim.states), length.positive(), speed.positive())
 
 
 def _symmetric(item: Item, size: int) -> Matrix:
@@ -375,12 +246,12 @@ def unpack_triangle(entries: list[fmpq], size: int) -> Matrix:
     return [[entries[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(size)] for i in range(size)]
 
 
-def _witness(item: Item, problem: ProblemClaim) -> Witness:
-    condition, funnel, theta, reference, x = item.record("condition", "funnel", "theta", "reference", "x")
-    size = len(problem.vehicle.states)
+def _witness(item: Item, claims: Claims) -> Witness:
+    condition, leg, theta, reference, x = item.record("condition", "leg", "theta", "reference", "x")
+    size = len(claims.problem.vehicle.states)
     return Witness(
         condition=condition.choice("a", "b", "c", "d"),
-        funnel=funnel.integer(0, len(problem.distinct) - 1),
+        leg=leg.integer(0, max(len(claims.parts) - 1, 0)),
         theta=theta.rational(),
         reference=reference.integer(0, MOST_EXTREMES - 1),
         x=tuple(entry.rational() for entry in x.items(size, size)),

@@ -275,11 +275,10 @@ class Enclosure:
         """A rational that is at least max |f − polynomial| over the domain."""
         return sum((size * self.domain.radius**k for k, size in enumerate(self.remainder)), fmpq(0))
 
-    def remainder_polynomial(self, radius: fmpq) -> fmpq_mpoly:
-        """A polynomial that is nowhere below the remainder: |y| ≤ (|y|²/h + h)/2, closest where |y| = h = `radius`."""
+    def remainder_bound(self, radius: fmpq) -> tuple[fmpq, fmpq]:
+        """e, e' with e + e' |y|² nowhere below the remainder: |y| ≤ (|y|²/h + h)/2, closest at |y| = h = `radius`."""
         constant, linear, square = self.remainder
-        norm_squared = sum((y * y for y in self.domain.ring.gens()), self.domain.ring.constant(0))
-        return norm_squared * (square + linear / (2 * radius)) + (constant + linear * radius / 2)
+        return constant + linear * radius / 2, square + linear / (2 * radius)
 
     def range(self) -> tuple[fmpq, fmpq]:
         """Rationals between which f and the polynomial stay on the domain."""

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 from flint import fmpq
 
 from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds, read_bounds
-from cfjax.check.document import FORMAT, VERSION, document_hash
+from cfjax.check.document import Claims, read_header
 from cfjax.check.held import ORDERS
 from cfjax.check.hints import (
     MOST_GRAM_ENTRIES,
@@ -21,7 +21,7 @@ from cfjax.check.hints import (
     read_matrix,
 )
 from cfjax.check.program import Gram, Matrix
-from cfjax.check.reader import Broken, Item, Unreadable
+from cfjax.check.reader import Broken, Item
 
 
 CLAIM = "robustness"
@@ -41,86 +41,50 @@ class PieceHints:
 
 @dataclass(frozen=True)
 class HeldStretch:
-    """Where a stretch of θ ends (s), or of a tube a band of speeds (m/s), and the hints for it."""
+    """Where a stretch of θ (s) or a band of speeds (m/s) ends, and the hints for it."""
 
     end: fmpq
     pieces: tuple[PieceHints, ...]
 
 
 @dataclass(frozen=True)
-class TubeHints:
-    """For a tube of a chain: bounds of the path along its runs, in the path's units; bands, in those of the tube."""
+class FunnelHints:
+    """For one funnel: stretches of θ or, where it is invariant, bands of speed.
 
-    bounds: Bounds
-    bands: tuple[HeldStretch, ...]
-
-
-Hints = TypeVar("Hints")
-
-
-class RobustnessFile(NamedTuple, Generic[Hints]):
-    """A file about a certificate: amounts that it states, and hints for the bounds that allow them.
-
-    `hints` are those of each funnel, or of each tube of a chain. `entries` has for each funnel √γ, V being at most γ
-    where another one hands over to it.
+    `bounds` are those of the path along the legs of an invariant funnel, in the path's units; stretches and bands are
+    in those of the car that the funnel is proven for.
     """
+
+    bounds: Bounds | None
+    stretches: tuple[HeldStretch, ...]
+
+
+class RobustnessFile(NamedTuple):
+    """A file about a certificate: amounts that it states, and for each funnel hints for the bounds that allow them."""
 
     stated: Stated
-    hints: tuple[Hints, ...]
-    entries: tuple[fmpq, ...] = ()
+    hints: tuple[FunnelHints, ...]
 
 
-def read_chain_robustness(document: object, certificate: str, tubes: int, states: int) -> RobustnessFile[TubeHints]:
-    """Of a parsed file about the chain with that hash: `hints` are `TubeHints`.
-
-    Raises:
-        Unreadable, Broken: as `read_robustness`.
-    """
-    amounts, each = _fields(document, certificate, "tubes")
-    room, found = Room(MOST_GRAM_ENTRIES), []
-    for entry in each.items(tubes, tubes):
-        bounds, bands = entry.record("bounds", "bands")
-        stretches = tuple(read_stretch(band, states, room) for band in bands.items(MOST_STRETCHES))
-        found.append(TubeHints(read_bounds(bounds), stretches))
-    return RobustnessFile(_stated(amounts, states), tuple(found))
-
-
-def read_robustness(
-    document: object, certificate: str, funnels: int, states: int
-) -> RobustnessFile[tuple[HeldStretch, ...]]:
-    """Of a parsed file about the certificate with that hash: `hints` are the stretches of each of its funnels.
+def read_robustness(document: object, certificate: str, claims: Claims) -> RobustnessFile:
+    """Of a parsed file about the certificate with that hash and these claims.
 
     Raises:
         Unreadable: says what was expected where.
         Broken: the file is about another certificate, or its hash is not that of its content.
     """
-    amounts, each, entries = _fields(document, certificate, "funnels", "entries")
-    room = Room(MOST_GRAM_ENTRIES)
-    return RobustnessFile(
-        _stated(amounts, states),
-        tuple(
-            tuple(read_stretch(entry, states, room) for entry in item.items(MOST_STRETCHES))
-            for item in each.items(funnels, funnels)
-        ),
-        tuple(map(_amount, entries.items(funnels, funnels))),
-    )
-
-
-def _fields(document: object, certificate: str, *names: str) -> list[Item]:
-    """What follows the header of a file that is about the certificate with that hash: amounts, and these fields."""
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise Unreadable(f"not a certificate: expected an object with format {FORMAT}")
-    if document.get("version") != VERSION or isinstance(document["version"], bool):
-        raise Unreadable(f"this checker reads version {VERSION} of the format")
-    if "amounts" not in document:
-        raise Unreadable("expected amounts, which earlier versions did not state; the certificate stands without it")
-    fields = Item(document, "").record("format", "version", "claim", "hash", "certificate", "amounts", *names)
-    fields[2].choice(CLAIM)
-    if fields[3].value != document_hash(document):
-        raise Broken("hash: the content has changed since the hash was taken")
-    if fields[4].value != certificate:
+    about, amounts, funnels = read_header(document, (CLAIM,), ("certificate", "amounts", "funnels"))
+    if about.value != certificate:
         raise Broken("certificate: these are hints for another certificate")
-    return fields[5:]
+    room, states, count = Room(MOST_GRAM_ENTRIES), len(claims.problem.vehicle.states), len(claims.funnels)
+    found = []
+    for entry, funnel in zip(funnels.items(count, count), claims.funnels, strict=True):
+        bounds, stretches = entry.record("bounds", "stretches")
+        if (bounds.value is None) != (funnel.margin_per_metre is None):
+            bounds.refuse("bounds of the path for a funnel that does not change with theta, and null for others")
+        own = tuple(read_stretch(stretch, states, room) for stretch in stretches.items(MOST_STRETCHES))
+        found.append(FunnelHints(None if bounds.value is None else read_bounds(bounds), own))
+    return RobustnessFile(_stated(amounts, states), tuple(found))
 
 
 def _stated(item: Item, states: int) -> Stated:

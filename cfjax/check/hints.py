@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
+from typing import NamedTuple
 
 from flint import fmpq
 
@@ -24,26 +25,44 @@ EnclosureHints = Mapping[int, UnaryHint]  # by node of the graph
 CellKey = tuple[int, int, tuple[int, ...]]  # reference, piece, signs
 
 
+class CellHints(NamedTuple):
+    """A margin (1/s), e and e' with ε ≤ e + e' |y|², and Gram matrices (`cfjax.check.decrease`)."""
+
+    margin: fmpq
+    remainder: tuple[fmpq, fmpq]
+    grams: tuple[Gram, ...]
+
+
 @dataclass(frozen=True)
 class StretchHints:
     """A stretch of θ that ends at `end` (s), bounds of its references, and what the prover found there.
 
-    `cells` gives (margin, Gram matrices) by extreme reference, level piece and signs.
+    Without an end it is all there is: the funnel does not change with θ, and holds wherever the bounds do. `cells` are
+    by extreme reference, level piece and signs.
     """
 
-    end: fmpq
+    end: fmpq | None
     bounds: Bounds
     whitening: Matrix
     enclosures: EnclosureHints
-    cells: Mapping[CellKey, tuple[fmpq, tuple[Gram, ...]]]
+    cells: Mapping[CellKey, CellHints]
 
 
 @dataclass(frozen=True)
 class DecreaseHints:
-    """What the prover found for condition (d) along one segment or tube; `degrees` are those of the Gram matrices."""
+    """What the prover found for condition (d) of one funnel; `degrees` are those of the Gram matrices.
+
+    `mirror` are signs of states and inputs under which everything is its own mirror image; None: no use is made of any.
+    """
 
     degrees: tuple[int, ...]
+    mirror: tuple[int, ...] | None
     stretches: tuple[StretchHints, ...]
+
+    @property
+    def duration(self) -> fmpq | None:
+        """T of the legs that it is for, s; None where these are of any length."""
+        return self.stretches[-1].end
 
 
 class Room:
@@ -58,19 +77,22 @@ class Room:
             item.refuse(f"Gram matrices with at most {MOST_GRAM_ENTRIES} entries together")
 
 
-def read_decrease(item: Item, states: int, room: Room) -> DecreaseHints:
-    """For condition (d) along one segment or tube; the vehicle has that many states.
+def read_decrease(item: Item, states: int, inputs: int, room: Room) -> DecreaseHints:
+    """For condition (d) of one funnel; the vehicle has that many states and inputs.
 
     Raises:
         Unreadable: says what was expected where.
     """
-    degrees, stretches = item.record("degrees", "stretches")
+    degrees, mirror, stretches = item.record("degrees", "mirror", "stretches")
     orders = tuple(degree.integer(0, 8) for degree in degrees.items(MOST_INPUTS + 3, 3))
     sizes = [comb(states + degree, degree) for degree in orders]
     if max(sizes) > MOST_MONOMIALS:
         degrees.refuse(f"degrees with at most {MOST_MONOMIALS} monomials")
     found = tuple(_stretch_hints(stretch, states, sizes, room) for stretch in stretches.items(MOST_STRETCHES))
-    return DecreaseHints(orders, found)
+    if len(found) > 1 and any(stretch.end is None for stretch in found):
+        stretches.refuse("an end of every stretch, or a single one without")
+    signs = None if mirror.value is None else mirror.integers(states + inputs, -1, 1)
+    return DecreaseHints(orders, signs, found)
 
 
 def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> StretchHints:
@@ -79,7 +101,9 @@ def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> Str
     entries = cells.items(MOST_CELLS)
     room.take(len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes), cells)
     for entry in entries:
-        reference, piece, signs, margin, grams = entry.record("reference", "piece", "signs", "margin", "grams")
+        reference, piece, signs, margin, remainder, grams = entry.record(
+            "reference", "piece", "signs", "margin", "remainder", "grams"
+        )
         key = (
             reference.integer(0, MOST_EXTREMES - 1),
             piece.integer(0, MOST_CELLS),
@@ -87,13 +111,15 @@ def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> Str
         )
         if key in by_cell:
             entry.refuse("each cell once")
-        tables = grams.items(len(sizes), len(sizes))
-        by_cell[key] = (
+        tables, (constant, square) = grams.items(len(sizes), len(sizes)), remainder.items(2, 2)
+        by_cell[key] = CellHints(
             margin.rational(),
+            (constant.rational(), square.rational()),
             tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
         )
     rows = read_matrix(whitening, states)
-    return StretchHints(end.rational(), read_stretch_bounds(bounds), rows, by_node, by_cell)
+    until = None if end.value is None else end.positive()
+    return StretchHints(until, read_stretch_bounds(bounds), rows, by_node, by_cell)
 
 
 def read_enclosures(item: Item) -> EnclosureHints:

@@ -10,13 +10,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from cfjax.check.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
-from cfjax.check.document import Course, ProblemClaim, VehicleClaim
+from cfjax.check.bounds import Bounds
 from cfjax.check.piece import Piece, are_steady, jumps_in_turning
+from cfjax.check.question import ProblemClaim
 from cfjax.check.reader import Broken
 from cfjax.check.structure import TURN_RATE_SLOPE
 from cfjax.check.surroundings import Surroundings
 from cfjax.check.symbolic import Symbolic
-from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.check.vehicle import KNOWN_VEHICLES, VehicleClaim
 
 
 class Assumptions(NamedTuple):
@@ -62,11 +63,12 @@ def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
         Broken: says what is asked.
     """
     course, vehicle = problem.course, problem.vehicle
-    if isinstance(course, Course):
+    if isinstance(course, Bounds):
+        if vehicle.name not in KNOWN_VEHICLES and not course.is_single:
+            _require_one_angle(vehicle, dynamics)
+    else:
         require_path(vehicle, dynamics, course.reference.pieces, course.closed)
         require_body(vehicle, dynamics, problem.surroundings)
-    elif vehicle.name not in KNOWN_VEHICLES and not course.is_single:
-        _require_one_angle(vehicle, dynamics)
 
 
 def require_body(vehicle: VehicleClaim, dynamics: Symbolic, surroundings: Surroundings) -> None:
@@ -101,14 +103,11 @@ def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Pie
             "vehicle: along a path whose speed or curvature changes, the rates at which they do have to enter times "
             "u0; by the dynamics in the file they do not"
         )
-    for one, other in pairwise(pieces):
+    for index, (one, other) in enumerate(pairwise(pieces)):
         if jumps := broken_joint(dynamics, one, other):
-            where = f"in segment {one.segment}"
-            if one.segment != other.segment:
-                where = f"chain, from segment {one.segment} to segment {other.segment}"
             raise Broken(
-                f"{where}: the {jumps} jumps, and with it states of a vehicle that is none of "
-                f"{', '.join(KNOWN_VEHICLES)}"
+                f"path, from piece {index} to piece {index + 1}: the {jumps} jumps, and with it states of a vehicle "
+                f"that is none of {', '.join(KNOWN_VEHICLES)}"
             )
 
 

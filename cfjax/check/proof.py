@@ -1,229 +1,234 @@
-"""A funnel's claims proven: containments, decrease along θ, links from segment to segment, clearance of obstacles.
+"""What a file claims of its funnels, proven: sets, joints, clearance of obstacles, and decrease along every leg.
 
 Condition (d) is proven stretch by stretch. A stretch is a range of θ with bounds of curvature, speed and acceleration
-(`cfjax.check.bounds`) that hold along it, and the levels that the funnel has there; θ is eliminated on it, and the
-extreme references of its bounds speak for every place. A tube is one stretch, a steady segment one of a single
-reference.
-
-Segment i hands over to segment j where {V_i(T_i, ·) ≤ 1} lies in {V_j(0, ·) < 1}: C_i ≻ ρ_i(T_i)/(1 − δ)² C_j, where
-the reference jumps by so little that √V_j changes by at most δ (in speed, and at the end of a lap in its pose).
+(`cfjax.check.bounds`) that hold along it on every leg of the funnel, and the levels that the funnel has there; θ is
+eliminated on it, and the extreme references of its bounds speak for every place. A funnel that does not change with θ
+has one stretch without an end: it holds along legs of any length, or along every path within its bounds. It is proven
+for the car that its `Model` is, in the units of that.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from typing import Generic, TypeVar
 
-from flint import fmpq, fmpq_mat
+from flint import fmpq
 
-from cfjax.check.bounds import Bounds, Extreme, place_of
-from cfjax.check.containment import broken_containments
+from cfjax.check.bounds import Bounds, Extreme, Range, place_of
+from cfjax.check.containment import Asked, broken_containments
 from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import (
-    Certificate,
-    Course,
-    FunnelClaim,
-    ProblemClaim,
-    SegmentClaim,
-)
+from cfjax.check.document import Certificate, Claims
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
+from cfjax.check.funnel import FunnelClaim, Model
 from cfjax.check.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
+from cfjax.check.legs import Leg, prove_joints
 from cfjax.check.meaning import require_meaning
 from cfjax.check.piece import between, turning_jumps
 from cfjax.check.program import CellProof
-from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
+from cfjax.check.question import ProblemClaim
+from cfjax.check.rational import about, bits, decimal_text
 from cfjax.check.reader import Broken
-from cfjax.check.reference import Gap, is_closed
-from cfjax.check.structure import is_mirrored, require_affine_reference, require_tube_structure
-from cfjax.check.surroundings import Span, prove_surroundings
-from cfjax.check.symbolic import Symbolic
+from cfjax.check.structure import is_mirror, require_affine_reference, require_tube_structure
+from cfjax.check.surroundings import prove_surroundings
+from cfjax.check.symbolic import Symbolic, symbolic
+from cfjax.check.vehicle import check_known_vehicle
 
 
-MOST_EFFORT = 8 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
+MOST_EFFORT = 16 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two
 ENCLOSURE_EFFORT = 384  # for each bit of the numbers in an enclosure of a function, proven once more on each stretch
 Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
-Along = TypeVar("Along", bound=SegmentClaim | Bounds, covariant=True)
 
 
 @dataclass(frozen=True)
-class LegClaim(Generic[Along]):
-    """A funnel along a segment or, wherever it lies, within bounds: `along`, whatever course the problem has.
+class Question:
+    """Condition (d) of a funnel: what it is asked for, in the units of the car that it is proven for.
 
-    `dynamics` are those of the problem's vehicle, put into symbols once.
+    `dynamics` are those of that car, in symbols; `mirror` are signs under which all of it is its own mirror image.
     """
 
-    problem: ProblemClaim
+    model: Model
     dynamics: Symbolic
-    along: Along
     funnel: FunnelClaim
+    mirror: tuple[int, ...] | None = None
+
+    def extremes(self, bounds: Bounds) -> list[Extreme]:
+        """The references at which (d) has to be proven for all within the bounds.
+
+        Raises:
+            Broken: the vehicle's dynamics are not of the form in which a few speak for all.
+        """
+        if bounds.is_single:
+            return bounds.extremes()
+        if bounds.curvature_rate is not None:
+            require_affine_reference(self.dynamics)
+            return bounds.extremes()
+        require_tube_structure(self.dynamics)
+        return bounds.extremes(self.is_mirrored(bounds))
+
+    def is_mirrored(self, bounds: Bounds) -> bool:
+        """Whether one end of the curvature speaks for both."""
+        return self.mirror is not None and bounds.curvature[0] == -bounds.curvature[1]
 
 
-def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> None:
-    """Everything that a file with claim `funnel` states of its funnels.
+def dynamics_of(model: Model) -> Symbolic:
+    """Those of a car, in symbols, after what they and its inputs have to satisfy.
+
+    Raises:
+        Broken: says what is not so.
+    """
+    for name, (lower, upper) in model.inputs.items():
+        if lower > upper:
+            raise Broken(f"inputs: the lower limit of {name} is above the upper one")
+    slowest, fastest = model.inputs["u0"]
+    if not 0 < slowest <= 1 <= fastest:
+        raise Broken("inputs: the timing input needs 0 < lower <= 1 <= upper")
+    dynamics = symbolic(model.vehicle.graph, model.vehicle.states, tuple(model.inputs))
+    check_known_vehicle(model.vehicle, model.inputs, dynamics)
+    return dynamics
+
+
+def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> fmpq:
+    """Everything that a file with claim `funnel` states: at the end of its path V is at most the number returned.
+
+    `dynamics` are those of the vehicle that drives.
 
     Raises:
         Broken, ValueError: says what is not proven.
     """
-    problem, funnels = certificate.problem, certificate.funnels
-    course, kinds = problem.course, problem.kinds
-    effort = Budget(MOST_EFFORT)
+    claims, hints = certificate.claims, certificate.hints
+    problem, legs = claims.problem, claims.legs
     require_meaning(problem, dynamics)
-    for index, (segment, funnel) in enumerate(zip(problem.distinct, funnels, strict=True)):
-        end = funnel.level.bounds(segment.duration)
-        broken = broken_containments(problem.vehicle.states, funnel.shape, end, problem.asked(index))
-        if broken:
-            raise Broken(_of(index, kinds) + "; ".join(broken))
-    if isinstance(course, Course):
-        _prove_links(course, funnels)
+    finish = legs[-1].end_level(problem.fastest) if legs else fmpq(1)
+    prove_sets(claims, finish)
+    questions = [question_of(claims, index, own.mirror, dynamics) for index, own in enumerate(hints)]
+    if isinstance(problem.course, Bounds):
+        _require_everywhere(problem, problem.course, hints[0])
+    else:
+        for index, (question, own) in enumerate(zip(questions, hints, strict=True)):
+            for leg in claims.legs_of(index):
+                _check_leg(leg, question, own)
+        prove_joints(legs, problem.course.closed, claims.ratios, problem.fastest)
         if problem.surroundings.obstacles:  # else nobody asks where the path lies
-            prove_surroundings(problem.surroundings, spans_of(course, funnels), certificate.clearance)
-    elif problem.surroundings.obstacles:
-        raise Broken("condition (c): a tube has no place, so that it clears no obstacle")
-    for index, (segment, funnel, hints) in enumerate(zip(problem.distinct, funnels, certificate.hints, strict=True)):
+            prove_surroundings(problem.surroundings, legs, certificate.clearance)
+    effort = Budget(MOST_EFFORT)
+    for index, (question, own) in enumerate(zip(questions, hints, strict=True)):
         try:
-            _prove_decrease(LegClaim(problem, dynamics, segment, funnel), hints, effort)
+            _prove_decrease(question, own, effort)
         except Broken as error:
-            raise Broken(f"{_of(index, kinds)}{error}") from None
+            raise Broken(f"{of_funnel(index, claims)}{error}") from None
+    return finish
 
 
-def _of(index: int, kinds: Sequence[int]) -> str:
-    """Which segment is spoken of; nothing where there is but one."""
-    return f"segment {kinds.index(index)}: " if len(kinds) > 1 else ""
+def question_of(claims: Claims, index: int, mirror: tuple[int, ...] | None, dynamics: Symbolic) -> Question:
+    """Condition (d) of the funnel with this number; `dynamics` are those of the vehicle that drives.
+
+    Raises:
+        Broken: it is proven for a car that is not similar to that one.
+    """
+    problem, model = claims.problem, claims.models[index]
+    if model is not problem.car:
+        try:
+            model.require_similar(problem.vehicle, problem.inputs)
+            dynamics = dynamics_of(model)
+        except Broken as error:
+            raise Broken(f"{of_funnel(index, claims)}{error}") from None
+    return Question(model, dynamics, claims.funnels[index], mirror)
 
 
-# --- links
+def of_funnel(index: int, claims: Claims) -> str:
+    """Which funnel is spoken of; nothing where there is but one."""
+    return f"funnel {index}: " if len(claims.funnels) > 1 else ""
 
 
-def broken_link(first: FunnelClaim, duration: fmpq, second: FunnelClaim, gap: Gap) -> str:
-    """Why a funnel's end is not inside another one's start, its reference jumping by the gap; nothing where it is."""
-    if _jump(second, gap) >= 1:
-        return "the reference jumps by more than the next funnel is wide"
-    if not is_entered(first, duration, second, gap, fmpq(1)):
-        return "the end of the funnel does not lie inside the start of the next"
-    return ""
+# --- sets
 
 
-def is_entered(first: FunnelClaim, duration: fmpq, second: FunnelClaim, gap: Gap, root: fmpq) -> bool:
-    """Whether a funnel's end lies in {√V < root} at another one's start, its reference jumping by the gap."""
-    room = root - _jump(second, gap)
-    if room <= 0:
-        return False
-    level = first.level.bounds(duration)[1] / room**2
-    rows = zip(first.shape, second.shape, strict=True)
-    return is_positive_definite([[a - level * b for a, b in zip(one, two, strict=True)] for one, two in rows])
+def prove_sets(claims: Claims, finish: fmpq) -> None:
+    """(a), (b) and (c): I in the first funnel, every one in S, and {V ≤ finish} of the last one in G.
 
-
-def _jump(funnel: FunnelClaim, gap: Gap) -> fmpq:
-    return gap.jump(funnel.shape, fmpq_mat([list(row) for row in funnel.shape]).inv())
-
-
-def links(course: Course) -> Iterator[tuple[int, int, Gap]]:
-    """Segments that follow each other, and how the reference jumps between them: closed at the end of a lap."""
-    zero = fmpq(0)
-    for index in range(len(course.segments) - 1):
-        before, after = course.segments[index].pieces[-1], course.segments[index + 1].pieces[0]
-        yield index, index + 1, Gap(zero, zero, zero, abs(before.end_speed - after.speed[0]))
-    if course.closed:
-        yield len(course.segments) - 1, 0, course.reference.gap
-
-
-def _prove_links(course: Course, funnels: Sequence[FunnelClaim]) -> None:
-    if course.closed and not is_closed(course.reference.gap):
-        raise Broken("path: the end of the lap is not its start")
-    for before, after, gap in links(course):
-        first, second = (funnels[course.kinds[index]] for index in (before, after))
-        if reason := broken_link(first, course.segments[before].duration, second, gap):
-            raise Broken(f"chain, from segment {before} to segment {after}: {reason}")
-
-
-def spans_of(course: Course, funnels: Sequence[FunnelClaim]) -> list[Span]:
-    """Each segment with the funnel that holds along it."""
-    each = zip(course.segments, course.kinds, course.reference.poses, strict=False)
-    return [
-        Span(f"segment {index}", segment.pieces, start, funnels[kind].shape, funnels[kind].level)
-        for index, (segment, kind, start) in enumerate(each)
-    ]
+    Raises:
+        Broken: says what is not so.
+    """
+    problem = claims.problem
+    for index, funnel in enumerate(claims.driven):
+        is_first, is_last = index == claims.first, index == claims.last
+        legs = claims.legs_of(index)  # of equal duration, where the funnel changes with θ
+        end = funnel.level.form_bounds(finish if is_last else fmpq(1), legs[0].duration if legs else fmpq(0))
+        asked = Asked(problem.inlet if is_first else None, problem.goal if is_last else None, problem.safe)
+        if broken := broken_containments(problem.vehicle.states, funnel.shape, end, asked):
+            raise Broken(of_funnel(index, claims) + "; ".join(broken))
 
 
 # --- decrease
 
 
-def _prove_decrease(leg: LegClaim[SegmentClaim | Bounds], hints: DecreaseHints, effort: Budget) -> None:
-    """Condition (d) with the claimed margins: stretch by stretch, reference by reference, cell by cell."""
-    segment, funnel, per_metre = leg.along, leg.funnel, leg.funnel.margin_per_metre
-    if not funnel.margin > 0 or (per_metre is not None and not per_metre > 0):
-        raise Broken("condition (d): the claimed margin is not positive")
-    if isinstance(segment, SegmentClaim) and per_metre is not None:
-        raise Broken("condition (d): a margin per metre is claimed for a segment, expected null")
-    if isinstance(segment, Bounds) and (funnel.level.rate != 0 or per_metre is None):
-        raise Broken("condition (d): the V of a tube has rate 0 and a margin per metre")
-    if isinstance(segment, SegmentClaim) and turning_jumps(segment.pieces):
-        # from piece to piece, where no stretch sees it: the deviation must not
-        require_tube_structure(leg.dynamics)
+def _require_everywhere(problem: ProblemClaim, bounds: Bounds, hints: DecreaseHints) -> None:
+    """That the proof is one for every path within the bounds, which has no place."""
+    if problem.surroundings.obstacles:
+        raise Broken("condition (c): what has no place clears no obstacle")
+    if hints.duration is not None or not bounds.lies_in(hints.stretches[0].bounds):
+        raise Broken("condition (d): the bounds of the proof are not those of every path that is meant")
+
+
+def _check_leg(leg: Leg, question: Question, hints: DecreaseHints) -> None:
+    """That the bounds of the proof hold along a leg, and its stretches cover it."""
+    model = question.model
+    slower = 1 / model.faster
+    if hints.duration is not None and leg.duration != hints.duration * slower:
+        raise Broken(f"leg {leg.index}: the stretches of the proof do not end where the leg does")
+    if turning_jumps(leg.pieces):  # from piece to piece, where no stretch sees it: the deviation must not
+        require_tube_structure(question.dynamics)
     begin = fmpq(0)
     for stretch in hints.stretches:
-        _check_stretch(segment, begin, stretch)
-        _prove_stretch(leg, (begin, stretch.end), hints.degrees, stretch, effort)
-        begin = stretch.end
-    if begin != segment.duration:
-        raise Broken("condition (d): the stretches of the proof do not end where the segment does")
+        end = leg.duration if stretch.end is None else stretch.end * slower
+        bounds = stretch.bounds.scaled(model.length, model.speed)
+        if not all(piece.inside(bounds) for piece in between(leg.pieces, begin, end)):
+            raise Broken(
+                f"leg {leg.index}: between theta = {about(begin)} and {about(end)} s the reference leaves the bounds "
+                "of the proof"
+            )
+        begin = end
 
 
-def _check_stretch(segment: SegmentClaim | Bounds, begin: fmpq, stretch: StretchHints) -> None:
-    """Its bounds hold along it."""
-    if isinstance(segment, Bounds):
-        if stretch.end != 0 or stretch.bounds != segment:
-            raise Broken("condition (d): a tube is one stretch with the tube's own bounds")
-        return
-    if not begin < stretch.end <= segment.duration:
-        raise Broken("condition (d): the stretches of the proof do not follow each other along the segment")
-    if not all(piece.inside(stretch.bounds) for piece in between(segment.pieces, begin, stretch.end)):
-        raise Broken(
-            f"condition (d): between theta = {about(begin)} and {about(stretch.end)} s the reference leaves the bounds "
-            "of the proof"
-        )
-
-
-def extremes_of(
-    dynamics: Symbolic,
-    states: Sequence[str],
-    inputs: Mapping[str, tuple[fmpq, fmpq]],
-    shape: Sequence[Sequence[fmpq]],
-    bounds: Bounds,
-) -> list[Extreme]:
-    """The references at which (d) has to be proven for all within the bounds.
-
-    Raises:
-        Broken: the vehicle's dynamics are not of the form in which a few speak for all.
-    """
-    if bounds.is_single:
-        return bounds.extremes()
-    if bounds.curvature_rate is not None:
-        require_affine_reference(dynamics)
-        return bounds.extremes()
-    require_tube_structure(dynamics)
-    return bounds.extremes(is_mirrored(dynamics, states, inputs, shape, bounds))
+def _prove_decrease(question: Question, hints: DecreaseHints, effort: Budget) -> None:
+    """Condition (d) with the claimed margins: stretch by stretch, reference by reference, cell by cell."""
+    model, funnel = question.model, question.funnel
+    per_metre, is_invariant = funnel.margin_per_metre, hints.duration is None
+    if not funnel.margin > 0 or (per_metre is not None and not per_metre > 0):
+        raise Broken("condition (d): the claimed margin is not positive")
+    if (per_metre is not None) != is_invariant or (is_invariant and funnel.level.rate != 0):
+        raise Broken("condition (d): rate 0, a margin per metre and a proof without an end go together")
+    if question.mirror is not None and not is_mirror(
+        question.dynamics, model.vehicle.states, model.inputs, funnel.shape, question.mirror
+    ):
+        raise Broken("condition (d): under the signs stated vehicle, funnel and inputs are not their own mirror images")
+    begin = fmpq(0)
+    for stretch in hints.stretches:
+        end = fmpq(0) if stretch.end is None else stretch.end
+        if not (is_invariant or begin < end):
+            raise Broken("condition (d): the stretches of the proof do not follow each other")
+        _prove_stretch(question, (begin, end), hints.degrees, stretch, effort)
+        begin = end
 
 
 def _prove_stretch(
-    leg: LegClaim[SegmentClaim | Bounds],
-    span: tuple[fmpq, fmpq],
+    asked: Question,
+    span: Range,
     degrees: tuple[int, ...],
     hints: StretchHints,
     effort: Budget,
 ) -> None:
-    problem, funnel = leg.problem, leg.funnel
-    extremes = extremes_of(leg.dynamics, problem.vehicle.states, problem.inputs, funnel.shape, hints.bounds)
+    model, funnel = asked.model, asked.funnel
+    extremes = asked.extremes(hints.bounds)
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)
-        enclosures = prove_enclosures(hints.enclosures, problem.vehicle.graph.functions(), effort)
+        enclosures = prove_enclosures(hints.enclosures, model.vehicle.graph.functions(), effort)
         questions = [
             SteadyDecrease(
-                graph=problem.vehicle.graph,
-                states=problem.vehicle.states,
+                graph=model.vehicle.graph,
+                states=model.vehicle.states,
                 extreme=extreme,
-                inputs=problem.inputs,
+                inputs=model.inputs,
                 shape=funnel.shape,
                 whitening=hints.whitening,
                 pieces=tuple(pieces),
@@ -242,11 +247,11 @@ def _prove_stretch(
     if cells.keys() != hints.cells.keys():
         raise Broken(f"{where}: the proof has to cover {len(cells)} cells, {_odd_cell(cells, hints, extremes)}")
     per_metre = funnel.margin_per_metre
-    for key, (margin, grams) in hints.cells.items():
+    for key, (margin, remainder, grams) in hints.cells.items():
         place = f"{where}, {_named(key, extremes)}"
         question, cell = cells[key]
         try:
-            proven = question.proven_margin(CellProof(cell, margin, grams))
+            proven = question.proven_margin(CellProof(replace(cell, remainder=remainder), margin, grams))
         except ValueError as error:
             raise Broken(f"{place}: {error}") from None
         # affine in the speed between its ends, as V' is (`cfjax.check.structure`)

@@ -9,85 +9,55 @@ from dataclasses import dataclass
 
 from flint import fmpq
 
-from cfjax.check.bounds import Bounds, Extreme
-from cfjax.check.chain import ChainClaim
-from cfjax.check.decrease import contraction_way
-from cfjax.check.document import Course, FunnelClaim, ProblemClaim, VehicleClaim, Witness
-from cfjax.check.handover import Run
+from cfjax.check.bounds import Bounds, Extreme, Range
+from cfjax.check.document import Claims, Witness
+from cfjax.check.funnel import contraction_way
 from cfjax.check.meaning import Assumptions
 
 
 @dataclass(frozen=True)
-class ProvenFunnels:
-    """A control funnel function along a path: a funnel for each kind of its segments."""
+class Proven:
+    """A control funnel function: legs and joints along a path, or one funnel for every path within bounds.
 
-    problem: ProblemClaim
-    course: Course
-    funnels: tuple[FunnelClaim, ...]
-    assumptions: Assumptions | None
-
-    @property
-    def margins(self) -> tuple[fmpq, ...]:
-        """λ by segment, 1/s."""
-        return tuple(self.funnels[kind].margin for kind in self.course.kinds)
-
-    @property
-    def arrival(self) -> tuple[fmpq, fmpq]:
-        """Earliest and latest, s."""
-        slowest, fastest = self.problem.inputs["u0"]
-        return self.course.reference.duration / fastest, self.course.reference.duration / slowest
-
-
-@dataclass(frozen=True)
-class ProvenTube:
-    """One control funnel function along every path within bounds; `margin_per_metre` in 1/m of the reference."""
-
-    problem: ProblemClaim
-    bounds: Bounds
-    funnel: FunnelClaim
-    margin_per_metre: fmpq
-    assumptions: Assumptions | None
-
-    @property
-    def margins(self) -> tuple[fmpq, ...]:
-        """λ, 1/s."""
-        return (self.funnel.margin,)
-
-    @property
-    def contraction(self) -> fmpq:
-        """Metres of the reference after which V ≤ 1 has become V ≤ β_in, under inputs that reach the margin."""
-        way = contraction_way(self.funnel.beta_lower, self.funnel.beta_inner)
-        return self.problem.inputs["u0"][1] * way / self.margin_per_metre
-
-
-@dataclass(frozen=True)
-class ProvenChain:
-    """A path with the tubes that hold along it in turn; `vehicle` is the path's own, V is at most `finish` at the end.
-
-    Tubes are in the units of the path.
+    At the end of the path V is at most `finish`.
     """
 
-    claim: ChainClaim
-    vehicle: VehicleClaim
+    claims: Claims
     assumptions: Assumptions | None
-    runs: tuple[Run, ...]
-    links: int
-    finish: fmpq
+    finish: fmpq = fmpq(1)
+
+    @property
+    def falls(self) -> bool:
+        """Whether it is told how far V comes down along the path: under a law that enforces what is certified."""
+        return any(funnel.margin_per_metre is not None for funnel in self.claims.funnels)
 
     @property
     def margins(self) -> tuple[fmpq, ...]:
-        """λ by run, 1/s."""
-        return tuple(run.tube.margin for run in self.runs)
+        """λ by leg, 1/s; of one funnel where there are no legs."""
+        claims = self.claims
+        return tuple(claims.driven[part.funnel].margin for part in claims.parts) or (claims.driven[0].margin,)
 
     @property
-    def arrival(self) -> tuple[fmpq, fmpq]:
-        """Earliest and latest, s; of a closed path, of a lap."""
-        earliest = latest = fmpq(0)
-        for run in self.runs:
-            slowest, fastest = run.tube.timing
-            for piece in self.claim.reference.pieces[run.begin : run.end]:
-                earliest, latest = earliest + piece.duration / fastest, latest + piece.duration / slowest
-        return earliest, latest
+    def arrival(self) -> Range | None:
+        """Earliest and latest, s, of a closed path for a lap; None where no path is meant that lies somewhere."""
+        course = self.claims.problem.course
+        if isinstance(course, Bounds):
+            return None
+        slowest, fastest = self.claims.problem.inputs["u0"]
+        return course.reference.duration / fastest, course.reference.duration / slowest
+
+    @property
+    def margin_per_metre(self) -> fmpq | None:
+        """μ where every path within bounds is meant, 1/m of the reference."""
+        return None if self.claims.parts else self.claims.driven[0].margin_per_metre
+
+    @property
+    def contraction(self) -> fmpq | None:
+        """Metres of the reference after which V ≤ 1 has become V ≤ β_in, under inputs that reach that margin."""
+        per_metre, funnel = self.margin_per_metre, self.claims.driven[0]
+        if per_metre is None:
+            return None
+        return self.claims.problem.fastest * contraction_way(funnel.beta_lower, funnel.beta_inner) / per_metre
 
 
 class Violation(enum.Enum):
@@ -107,12 +77,11 @@ class Refuted:
     `extremes` are the references for which (d) is asked where the witness is.
     """
 
-    problem: ProblemClaim
-    funnels: tuple[FunnelClaim, ...]
+    claims: Claims
     witness: Witness
     violation: Violation
     extremes: tuple[Extreme, ...]
     assumptions: Assumptions | None
 
 
-Shown = ProvenFunnels | ProvenTube | ProvenChain | Refuted
+Shown = Proven | Refuted

@@ -15,52 +15,59 @@ from flint import arb, fmpq
 
 from cfjax.check.bounds import Bounds, Extreme
 from cfjax.check.containment import HEADING
-from cfjax.check.document import FunnelClaim, ProblemClaim, SegmentClaim, Witness
+from cfjax.check.document import Claims, Witness
+from cfjax.check.funnel import FunnelClaim
 from cfjax.check.graph import Graph
 from cfjax.check.proven import Violation
+from cfjax.check.question import ProblemClaim
 from cfjax.check.rational import pi_lower, pi_upper
 from cfjax.check.reader import Broken
 
 
-def references_of(segment: SegmentClaim | Bounds, theta: fmpq) -> list[Extreme]:
-    """What the funnel has to hold for at θ: a segment's one reference there, a tube's extreme ones."""
-    if isinstance(segment, Bounds):
-        return segment.extremes()
-    profile = segment.profile(theta)
+def references_of(claims: Claims, leg: int, theta: fmpq) -> list[Extreme]:
+    """What a funnel has to hold for at θ of a leg: the one reference there, or the extreme ones of every path."""
+    course = claims.problem.course
+    if isinstance(course, Bounds):
+        return course.extremes()
+    found = [piece for piece in claims.legs[leg].pieces if piece.theta <= theta][-1]  # where two meet, the later one
+    profile = found.profile(theta - found.theta)
     return [Extreme(profile, profile)]
 
 
-def confirm_witness(problem: ProblemClaim, funnel: FunnelClaim, witness: Witness) -> Violation:
+def confirm_witness(claims: Claims, witness: Witness) -> Violation:
     """What the witness violates.
 
     Raises:
         Broken: the witness does not show a violation.
     """
-    states, x, theta = problem.vehicle.states, witness.x, witness.theta
-    segment = problem.distinct[witness.funnel]
-    if not 0 <= theta <= segment.duration:
-        raise Broken("witness: theta lies outside the segment")
-    if witness.condition in "ab" and theta != (0 if witness.condition == "a" else segment.duration):
-        raise Broken(f"witness: condition ({witness.condition}) is about one end of the segment, not this theta")
-    asked = {"a": witness.funnel == problem.kinds[0], "b": witness.funnel == problem.kinds[-1]}
-    if not asked.get(witness.condition, True):
-        raise Broken(f"witness: condition ({witness.condition}) is not asked of this segment")
-    extremes = references_of(segment, theta)
+    problem, x, theta = claims.problem, witness.x, witness.theta
+    states, legs, leg = problem.vehicle.states, claims.legs, witness.leg
+    funnel = claims.driven[claims.parts[leg].funnel if legs else 0]
+    duration = legs[leg].duration if legs else fmpq(0)
+    if not 0 <= theta <= duration:
+        raise Broken("witness: theta lies outside the leg")
+    if witness.condition in "ab" and theta != (0 if witness.condition == "a" else duration):
+        raise Broken(f"witness: condition ({witness.condition}) is about one end of the leg, not this theta")
+    asked = {"a": (leg == 0, problem.inlet), "b": (leg == max(len(legs) - 1, 0), problem.goal)}
+    is_there, axes = asked.get(witness.condition, (True, ()))
+    if not is_there or axes is None:
+        raise Broken(f"witness: condition ({witness.condition}) is not asked here")
+    extremes = references_of(claims, leg, theta)
     if witness.reference >= len(extremes):
         raise Broken("witness: no such reference")
-    if isinstance(segment, Bounds) and funnel.level.rate != 0:
-        raise Broken("witness: the V of a tube has rate 0")
+    if not legs and funnel.level.rate != 0:
+        raise Broken("witness: the V of a funnel for every path has rate 0")
+    if any(model is not problem.car for model in claims.models) or (legs and funnel.margin_per_metre is not None):
+        raise Broken("witness: expected a candidate for the vehicle itself, with no margin per metre along a path")
     form = _form(funnel.shape, x)
     inside = form <= funnel.level.bounds(theta)[0]
 
     if witness.condition == "a":
-        if not _form_of_axes(problem.inlet, x) <= 1 <= form:
+        if not _form_of_axes(axes, x) <= 1 <= form:
             raise Broken("witness: not a deviation of the inlet I at which V is 1 or more")
         return Violation.INLET
     if witness.condition == "b":
-        if problem.goal is None:
-            raise Broken("witness: condition (b) is not asked of a tube without G")
-        if not (inside and _form_of_axes(problem.goal, x) >= 1):
+        if not (inside and _form_of_axes(axes, x) >= 1):
             raise Broken("witness: not a deviation outside the goal G at which V(T, x) is 1 or less")
         return Violation.GOAL
     heading = abs(x[states.index(HEADING)]) if HEADING in states else fmpq(0)

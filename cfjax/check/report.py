@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from flint import fmpq
 
 from cfjax.check.amounts import Robustness
-from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted, Shown
+from cfjax.check.bounds import Bounds
+from cfjax.check.proven import Proven, Shown
 from cfjax.check.statement import Section, sections
 
 
@@ -73,21 +74,33 @@ class Report:
         return "\n".join(lines)
 
     @property
+    def proven(self) -> Proven | None:
+        """What is proven, if anything is."""
+        return self.shown if isinstance(self.shown, Proven) else None
+
+    @property
     def margins(self) -> tuple[fmpq, ...]:
-        """λ by segment, or by stretch in one tube, 1/s; none where no funnel is proven."""
-        return () if self.shown is None or isinstance(self.shown, Refuted) else self.shown.margins
+        """λ by leg, 1/s; none where no funnel is proven."""
+        return self.proven.margins if self.proven else ()
+
+    @property
+    def bounds(self) -> tuple[Bounds | None, ...]:
+        """Of the path along each leg, for all of which the law has to ask; None where the funnel changes with θ."""
+        if self.proven is None or self.robustness is None:
+            return ()
+        return tuple(self.robustness.told[part.funnel].bounds for part in self.proven.claims.parts)
 
     @property
     def arrival(self) -> tuple[fmpq, fmpq] | None:
-        """Earliest and latest, s; None of a tube, which has no end."""
-        return self.shown.arrival if isinstance(self.shown, ProvenFunnels | ProvenChain) else None
+        """Earliest and latest, s; None where there is no end."""
+        return self.proven.arrival if self.proven else None
 
     @property
     def margin_per_metre(self) -> fmpq | None:
-        """Of a tube, 1/m of the reference."""
-        return self.shown.margin_per_metre if isinstance(self.shown, ProvenTube) else None
+        """Of a funnel for every path within bounds, 1/m of the reference."""
+        return self.proven.margin_per_metre if self.proven else None
 
     @property
     def contraction(self) -> fmpq | None:
-        """Metres of the reference within which a tube brings a car from V = 1 inside V ≤ β_in."""
-        return self.shown.contraction if isinstance(self.shown, ProvenTube) else None
+        """Metres of the reference within which such a funnel brings a car from V = 1 inside V ≤ β_in."""
+        return self.proven.contraction if self.proven else None

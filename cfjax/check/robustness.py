@@ -1,34 +1,32 @@
-"""Bounds over certified funnels while inputs are held: on V̇, V̈ and what errors do to them, proven from hints.
+"""Bounds over one certified funnel while inputs are held: on V̇, V̈ and what errors do to them, proven from hints.
 
-`cfjax.check.amounts` says what follows from them, and what the letters mean. Curvature and acceleration that jump
-inside a segment, where V̇ jumps by J in all, take J out of λ'.
+`cfjax.check.amounts` says what follows from them, and what the letters mean. A funnel that changes with θ has its
+bounds stretch by stretch, for what the reference does there on every leg of it. Curvature and acceleration that jump
+inside a leg, where V̇ jumps by J in all, take J out of λ'.
 
-**Tubes.** Curvature and acceleration may jump at any time there, and as often. So λ' is asked of the law at every one
-of them: ∇V·f(x, u, r') ≤ −λ' for all r' of the speed at hand (`cfjax.control.any_path_numbers`; f is affine in what
-differs). How fast this can rise for an r' of fixed curvature and acceleration, beside whatever the path does meanwhile,
-M bounds (`cfjax.check.held`), and V̇ is its value at the r' of the moment: the inequalities hold as they are, without J.
-M grows with the square of the speed and λ' = max(λ, μ v) with its first power, so the speeds are cut into **bands**.
-While what was measured is in use the speed may leave its band, by no more than its acceleration takes it in HORIZON
-seconds: the bounds hold for such speeds too, and no amount of time is longer.
+**Invariant funnels.** Where a funnel holds along any path within bounds, curvature and acceleration may jump at any
+time, and as often. So λ' is asked of the law at every one of them: ∇V·f(x, u, r') ≤ −λ' for all r' of the speed at hand
+(`cfjax.control.any_path_numbers`; f is affine in what differs). How fast this can rise for an r' of fixed curvature and
+acceleration, beside whatever the path does meanwhile, M bounds (`cfjax.check.held`), and V̇ is its value at the r' of
+the moment: the inequalities hold as they are, without J. M grows with the square of the speed and λ' = max(λ, μ v) with
+its first power, so the speeds are cut into **bands**. While what was measured is in use the speed may leave its band,
+by no more than its acceleration takes it in HORIZON seconds: the bounds hold for such speeds too, and no amount of time
+is longer.
 
-Along a path that several tubes hold in turn there is more to ask (`cfjax.check.chain_robustness`).
-
-A certificate states nothing of this: amounts, and hints for the bounds, lie in a file beside it.
+What all funnels of a certificate give together says `cfjax.check.descent`.
 """
 
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from decimal import ROUND_CEILING, ROUND_FLOOR
-from functools import partial
 from typing import NamedTuple
 
 from flint import fmpq
 
-from cfjax.check.amounts import MOST, SHARE, BoundsOver, Rates, dot, least_level
+from cfjax.check.amounts import MOST, SHARE, Rates, dot
 from cfjax.check.bounds import Bounds, Range
-from cfjax.check.document import Certificate, Course, FunnelClaim, ProblemClaim, SegmentClaim
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
+from cfjax.check.funnel import FunnelClaim
 from cfjax.check.held import (
     ASKED,
     ORDERS,
@@ -42,131 +40,76 @@ from cfjax.check.held import (
     require_affine,
 )
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
+from cfjax.check.legs import Leg
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfjax.check.program import CellProof, Gram
-from cfjax.check.proof import MOST_EFFORT, LegClaim, is_entered, links, prove_enclosures
-from cfjax.check.rational import decimal_text, rational, sqrt_upper
+from cfjax.check.proof import Question, prove_enclosures
+from cfjax.check.rational import sqrt_upper
 from cfjax.check.reader import Broken
-from cfjax.check.structure import (
-    SPEED,
-    SPEED_SLOPE,
-    TURN_RATE,
-    TURN_RATE_SLOPE,
-    is_mirrored,
-    require_tube_structure,
-)
-from cfjax.check.symbolic import Symbolic
+from cfjax.check.structure import SPEED, SPEED_SLOPE, TURN_RATE, TURN_RATE_SLOPE, require_tube_structure
 
 
 HORIZON = fmpq(1, 20)  # s
 
 
-def bounds_over(
-    certificate: Certificate, dynamics: Symbolic, hints: Sequence[Sequence[HeldStretch]], entries: Sequence[fmpq]
-) -> BoundsOver:
-    """What is proven over the funnels of a proven certificate.
-
-    `entries` has for each funnel a number √γ: V is at most γ where another one hands over to it.
-
-    Raises:
-        Broken, ValueError: says what is not proven.
-    """
-    problem, course = certificate.problem, certificate.problem.course
-    effort = Budget(MOST_EFFORT)
-    # the λ and the shell that the report names, as it prints them, for every funnel
-    margin = rational(decimal_text(min(funnel.margin for funnel in certificate.funnels), ROUND_FLOOR))
-    shell = rational(decimal_text(max(funnel.beta_lower for funnel in certificate.funnels), ROUND_CEILING))
-    if isinstance(course, Bounds):
-        if any(entries):
-            raise Broken("robustness: an entry is claimed of a tube")
-        (funnel,), (own,) = certificate.funnels, hints
-        assert funnel.margin_per_metre is not None  # a tube's certificate has it
-        per_metre = rational(decimal_text(funnel.margin_per_metre, ROUND_FLOOR))
-        told = replace(funnel, margin=margin, margin_per_metre=per_metre)
-        return _over_tube(LegClaim(problem, dynamics, course, told), shell, own, effort)
-    _prove_entries(certificate, course, entries)
-    rates = tuple(
-        prove_rates(
-            LegClaim(problem, dynamics, segment, replace(funnel, margin=margin)), max(entry**2, shell), own, effort
-        )
-        for segment, funnel, entry, own in zip(problem.distinct, certificate.funnels, entries, hints, strict=True)
-        if isinstance(segment, SegmentClaim)
-    )
-    return BoundsOver(rates, partial(least_level, rates))
-
-
-def _over_tube(leg: LegClaim[Bounds], shell: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> BoundsOver:
-    """Of the tube's bands of speed, each with hints of its own."""
-    bands = bands_of(leg.along, hints)
-    if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
-        raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
-    rates = tuple(
-        tube_rates(leg, band, shell, stretch.pieces, effort) for band, stretch in zip(bands, hints, strict=True)
-    )
-    return BoundsOver(rates, partial(least_level, rates), bands)
-
-
-def bands_of(tube: Bounds, hints: Sequence[HeldStretch]) -> tuple[tuple[fmpq, fmpq], ...]:
+def bands_of(bounds: Bounds, hints: Sequence[HeldStretch]) -> tuple[Range, ...]:
     """The bands of speed (m/s) that the hints are for.
 
     Raises:
-        Broken: they do not cover the tube's speeds, one after another.
+        Broken: they do not cover the speeds of the bounds, one after another.
     """
     ends = [stretch.end for stretch in hints]
-    begins = [tube.speed[0], *ends[:-1]]
-    if ends[-1] != tube.speed[1] or any(low >= high for low, high in zip(begins, ends, strict=True) if len(ends) > 1):
-        raise Broken("robustness: the bands of speed do not follow each other up to the tube's highest")
+    begins = [bounds.speed[0], *ends[:-1]]
+    if ends[-1] != bounds.speed[1] or any(low >= high for low, high in zip(begins, ends, strict=True) if len(ends) > 1):
+        raise Broken("robustness: the bands of speed do not follow each other up to the highest")
     return tuple(zip(begins, ends, strict=True))
 
 
-def _prove_entries(certificate: Certificate, course: Course, entries: Sequence[fmpq]) -> None:
-    """That V is at most the square of its entry where a funnel takes over, and nothing is said where none does."""
-    entered = {course.kinds[after] for _, after, _ in links(course)}
-    if any(root for kind, root in enumerate(entries) if kind not in entered):
-        raise Broken("robustness: an entry is claimed of a funnel that no other one hands over to")
-    for before, after, gap in links(course):
-        first, second = (certificate.funnels[course.kinds[index]] for index in (before, after))
-        root = entries[course.kinds[after]]
-        if not is_entered(first, course.segments[before].duration, second, gap, root):
-            raise Broken(f"robustness: from segment {before} to segment {after} V is not below the entry claimed")
-
-
-def prove_rates(leg: LegClaim[SegmentClaim], inner: fmpq, hints: Sequence[HeldStretch], effort: Budget) -> Rates:
-    """Bounds over one funnel, from hints for every stretch of it; `inner` is the larger of β̲ and γ.
+def rates_along(question: Question, legs: Sequence[Leg], hints: Sequence[HeldStretch], effort: Budget) -> Rates:
+    """Bounds over a funnel that changes with θ, for all of its legs, from hints for every stretch of it.
 
     Raises:
         Broken, ValueError: says what is not proven.
     """
-    segment, funnel = leg.along, leg.funnel
+    funnel, duration = question.funnel, legs[0].duration
     found: list[_Sizes] = []
     begin = fmpq(0)
     for stretch in hints:
-        if not begin < stretch.end <= segment.duration:
-            raise Broken("robustness: the stretches do not follow each other along the segment")
-        found += _prove_levels(leg.problem, motions(leg, (begin, stretch.end)), stretch.pieces, effort)
+        if not begin < stretch.end <= duration:
+            raise Broken("robustness: the stretches do not follow each other along the leg")
+        found += _prove_levels(question, motions(question, legs, (begin, stretch.end)), stretch.pieces, effort)
         begin = stretch.end
-    if begin != segment.duration:
-        raise Broken("robustness: the stretches do not end where the segment does")
-    jumps = [_jump(before, after, found) for before, after in itertools.pairwise(segment.pieces)]
-    return _rates_of(funnel, found, SHARE * funnel.margin - sum(jumps, fmpq(0)), inner)
+    if begin != duration:
+        raise Broken("robustness: the stretches do not end where the leg does")
+    jumps = (
+        sum((_jump(one, other, found) for one, other in itertools.pairwise(leg.pieces)), fmpq(0))
+        for leg in _different(legs)
+    )
+    return _rates_of(funnel, found, SHARE * funnel.margin - max(jumps))
 
 
-def tube_rates(leg: LegClaim[Bounds], band: Range, inner: fmpq, hints: Sequence[PieceHints], effort: Budget) -> Rates:
-    """Bounds over a tube for what is measured at a speed of the band (m/s), from hints.
+def _different(legs: Sequence[Leg]) -> list[Leg]:
+    """Those among them that the dynamics can tell apart."""
+    profiles = {tuple((piece.duration, piece.turn_rate, piece.speed) for piece in leg.pieces): leg for leg in legs}
+    return list(profiles.values())
+
+
+def rates_within(question: Question, bounds: Bounds, band: Range, hints: Sequence[PieceHints], effort: Budget) -> Rates:
+    """Bounds over an invariant funnel, along paths within bounds, for what is measured at a speed of the band (m/s).
 
     Raises:
         Broken, ValueError: says what is not proven.
     """
-    require_tube_structure(leg.dynamics)
-    funnel = leg.funnel
-    found = _prove_levels(leg.problem, tube_motions(leg, band), hints, effort)
-    assert funnel.margin_per_metre is not None
+    require_tube_structure(question.dynamics)
+    funnel = question.funnel
+    found = _prove_levels(question, motions_within(question, bounds, band), hints, effort)
+    assert funnel.margin_per_metre is not None  # of an invariant funnel, as is proven
     decrease = SHARE * max(funnel.margin, funnel.margin_per_metre * band[0])
-    return replace(_rates_of(funnel, found, decrease, inner), horizon=MOST if _is_even(leg.along) else HORIZON)
+    return replace(_rates_of(funnel, found, decrease), horizon=MOST if bounds.acceleration == (0, 0) else HORIZON)
 
 
-def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, inner: fmpq) -> Rates:
+def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq) -> Rates:
     """The largest of the bounds on all ranges of levels."""
     states = range(len(found[0].slopes))
     least, peak = min(sizes.least_drop for sizes in found), max(sizes.level for sizes in found)
@@ -183,7 +126,7 @@ def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq, in
         widest=widest,
         staleness=dot(slopes, speeds) + max(sizes.stir for sizes in found),
         decrease=decrease,
-        inner=inner,
+        inner=funnel.beta_lower,
     )
 
 
@@ -213,40 +156,33 @@ class References(NamedTuple):
     mirrored: str = ""  # one end of this one speaks for both
 
 
-def motions(leg: LegClaim[SegmentClaim], span: Range) -> list[tuple[HeldMotion, Terms]]:
+def motions(question: Question, legs: Sequence[Leg], span: Range) -> list[tuple[HeldMotion, Terms]]:
     """What has to be bounded on a stretch of θ: for each range of levels, without hints yet."""
-    return _motions(leg, reference_box(between(leg.along.pieces, *span)), span)
+    parts = [part for leg in _different(legs) for part in between(leg.pieces, *span)]
+    return _motions(question, reference_box(parts), span)
 
 
-def tube_motions(leg: LegClaim[Bounds], band: Range) -> list[tuple[HeldMotion, Terms]]:
-    """The same in a tube, for what is measured at a speed of the band (m/s)."""
-    problem, dynamics, tube = leg.problem, leg.dynamics, leg.along
-    steepest = max(map(abs, tube.acceleration))
-    change = steepest * problem.inputs["u0"][1] * HORIZON
-    speed = max(tube.speed[0], band[0] - change), min(tube.speed[1], band[1] + change)
-    turns = [kappa * v for kappa in tube.curvature for v in speed]
-    box = {TURN_RATE: (min(turns), max(turns)), SPEED: speed, SPEED_SLOPE: tube.acceleration}
-    box[TURN_RATE_SLOPE] = (fmpq(0), fmpq(0))  # no tube's vehicle depends on it
-    slopes = {TURN_RATE: max(map(abs, tube.curvature)) * steepest, SPEED: steepest}  # of what is looked at
-    jumping = (TURN_RATE, tube.curvature), (SPEED_SLOPE, tube.acceleration)
+def motions_within(question: Question, bounds: Bounds, band: Range) -> list[tuple[HeldMotion, Terms]]:
+    """The same along paths within bounds, for what is measured at a speed of the band (m/s)."""
+    steepest = max(map(abs, bounds.acceleration))
+    change = steepest * question.model.inputs["u0"][1] * HORIZON
+    speed = max(bounds.speed[0], band[0] - change), min(bounds.speed[1], band[1] + change)
+    turns = [kappa * v for kappa in bounds.curvature for v in speed]
+    box = {TURN_RATE: (min(turns), max(turns)), SPEED: speed, SPEED_SLOPE: bounds.acceleration}
+    box[TURN_RATE_SLOPE] = (fmpq(0), fmpq(0))  # no vehicle with such a funnel depends on it
+    slopes = {TURN_RATE: max(map(abs, bounds.curvature)) * steepest, SPEED: steepest}  # of what is looked at
+    jumping = (TURN_RATE, bounds.curvature), (SPEED_SLOPE, bounds.acceleration)
     asked = {asked_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
     # V'' at a vertex is that of the mirrored car at the mirrored one
-    symmetric = is_mirrored(dynamics, problem.vehicle.states, problem.inputs, leg.funnel.shape, tube)
-    return _motions(leg, References(box, slopes, asked, TURN_RATE if symmetric else ""), (fmpq(0), fmpq(0)))
+    mirrored = TURN_RATE if question.is_mirrored(bounds) else ""
+    return _motions(question, References(box, slopes, asked, mirrored), (fmpq(0), fmpq(0)))
 
 
-def _is_even(tube: Bounds) -> bool:
-    """Whether no speed of it ever changes."""
-    return tube.acceleration == (0, 0)
-
-
-def _motions(
-    leg: LegClaim[SegmentClaim | Bounds], references: References, span: Range
-) -> list[tuple[HeldMotion, Terms]]:
-    problem, dynamics, funnel = leg.problem, leg.dynamics, leg.funnel
+def _motions(question: Question, references: References, span: Range) -> list[tuple[HeldMotion, Terms]]:
+    model, dynamics, funnel = question.model, question.dynamics, question.funnel
     box, slopes, asked, mirrored = references
-    states = problem.vehicle.states
-    parameters = {f"input:{name}": limits for name, limits in problem.inputs.items()}
+    states = model.vehicle.states
+    parameters = {f"input:{name}": limits for name, limits in model.inputs.items()}
     for name, (lower, upper) in box.items():  # what the dynamics do not depend on may have any value
         parameters[name] = (lower, upper if dynamics.depends_on(name) else lower)
     slopes = {name: bound for name, bound in slopes.items() if dynamics.depends_on(name)}
@@ -256,7 +192,7 @@ def _motions(
     for piece in funnel.level.inside(span):
         terms = Terms(dynamics, states, parameters, slopes, funnel.shape, piece)
         motion = HeldMotion(
-            graph=problem.vehicle.graph,
+            graph=model.vehicle.graph,
             states=states,
             parameters=parameters,
             spare=terms.spare,
@@ -273,15 +209,14 @@ def _motions(
 
 
 def _prove_levels(
-    problem: ProblemClaim, asked: Sequence[tuple[HeldMotion, Terms]], hints: Sequence[PieceHints], effort: Budget
+    question: Question, asked: Sequence[tuple[HeldMotion, Terms]], hints: Sequence[PieceHints], effort: Budget
 ) -> list[_Sizes]:
     if len(asked) != len(hints):
         raise Broken(f"robustness: expected hints for {len(asked)} ranges of levels, got {len(hints)}")
-    found = []
+    vehicle, found = question.model.vehicle, []
     for (motion, terms), own in zip(asked, hints, strict=True):
-        functions = problem.vehicle.graph.functions()
-        enclosures = prove_enclosures(own.enclosures, functions, effort)
-        slopes = derivatives_of(problem.vehicle.graph, problem.vehicle.states)
+        enclosures = prove_enclosures(own.enclosures, vehicle.graph.functions(), effort)
+        slopes = derivatives_of(vehicle.graph, vehicle.states)
         derivatives = prove_enclosures(own.derivatives, slopes, effort)
         told = replace(motion, whitening=own.whitening, enclosures=enclosures, derivatives=derivatives)
         found.append(_prove_sizes(told, terms, own.cells, effort))

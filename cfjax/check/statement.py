@@ -11,29 +11,31 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfjax.check.amounts import Robustness
+from cfjax.check.amounts import Robustness, Told
 from cfjax.check.bounds import Bounds, Range, place_of
-from cfjax.check.certified import LAW_SHARE
-from cfjax.check.chain import ChainClaim
-from cfjax.check.chain_robustness import Told
 from cfjax.check.containment import half_widths
-from cfjax.check.document import Course, FunnelClaim, ProblemClaim, VehicleClaim
+from cfjax.check.document import Claims
+from cfjax.check.funnel import LAW_SHARE, FunnelClaim
 from cfjax.check.meaning import Assumptions
-from cfjax.check.proven import ProvenChain, ProvenFunnels, ProvenTube, Refuted, Shown, Violation
-from cfjax.check.rational import about, decimal_text, sqrt_upper
+from cfjax.check.proven import Proven, Refuted, Shown, Violation
+from cfjax.check.question import Course, ProblemClaim
+from cfjax.check.rational import about, decimal_text
 from cfjax.check.surroundings import Surroundings
-from cfjax.check.vehicle import KNOWN_VEHICLES, POSE_UNITS
+from cfjax.check.vehicle import KNOWN_VEHICLES, POSE_UNITS, VehicleClaim
 
 
 SHARE_TEXT = decimal_text(LAW_SHARE, ROUND_CEILING)
 LAW = f"V' <= -{SHARE_TEXT} lambda in the shell"
-LAW_IN_TUBE = (
-    f"{LAW} and V' <= -{SHARE_TEXT} v_r times the margin per metre, for every curvature and acceleration of the tube "
+LAW_EVERYWHERE = (
+    f"{LAW} and V' <= -{SHARE_TEXT} v_r times the margin per metre, for every curvature and acceleration of the bounds "
     "at once"
+)
+LAW_IN_TURN = (
+    f"V' <= -{SHARE_TEXT} times lambda or, if it is larger, v_r times the margin per metre, below the shell times V "
+    "over its level, down to the inner one, for every curvature and acceleration of the bounds at once"
 )
 SHOWN = 4  # funnels whose rates are printed
 RATES = {"rad": "rad/s", "m": "m/s", "m/s": "m/s^2", "": "a second"}  # of a state with such a unit
-LATERAL = 1  # of a pose
 INWARDS, OUTWARDS = (ROUND_CEILING, ROUND_FLOOR), (ROUND_FLOOR, ROUND_CEILING)  # of an interval's lower and upper end
 VIOLATED = {
     Violation.INLET: "condition (a) fails: V(0, x) is not below 1 at a deviation of the inlet I",
@@ -62,128 +64,87 @@ class Section(NamedTuple):
 
 def sections(shown: Shown, robustness: Robustness | None = None) -> tuple[Section, ...]:
     """What is shown, what it speaks of, what it guarantees and, of something proven, what it absorbs."""
-    match shown:
-        case ProvenFunnels():
-            said = _funnels_proven(shown)
-        case ProvenTube():
-            said = _tube_proven(shown)
-        case ProvenChain():
-            said = _chain_proven(shown)
-        case Refuted():
-            return _refuted(shown)
+    if isinstance(shown, Refuted):
+        return _refuted(shown)
+    problem, course = shown.claims.problem, shown.claims.problem.course
+    if isinstance(course, Bounds):
+        title = "one control funnel function for every path within bounds"
+        path, guarantee = _every_path(course), _everywhere(shown)
+    else:
+        title = "a control funnel function along a path"
+        path, guarantee = (_path(problem.path, course),), _along(shown)
+    said = (
+        Section("PROVEN", (title,)),
+        _vehicle(problem.vehicle, shown.assumptions),
+        Section("path", path),
+        _sets(problem, ROUND_FLOOR, ROUND_CEILING),
+        Section("guarantee", guarantee),
+    )
     return said if robustness is None else (*said, _absorbed(shown, robustness))
 
 
-def _funnels_proven(proven: ProvenFunnels) -> tuple[Section, ...]:
-    problem, course = proven.problem, proven.course
-    kept = _kept(problem.safe is not None, problem.surroundings)
-    again = ", and from there lap after lap for ever" if course.closed else ""
-    return (
-        Section("PROVEN", ("a control funnel function along a path",)),
-        _vehicle(problem.vehicle, proven.assumptions),
-        Section("path", (_path(problem.path, course),)),
-        _sets(problem, ROUND_FLOOR, ROUND_CEILING),
-        Section(
-            "guarantee",
-            (
-                f"from every start in I at theta = 0, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in "
-                f"the funnel V <= 1{kept}, until it arrives in G after {_time(proven.arrival)}{again}",
-                f"the funnel: {_templates(proven.funnels)}, {_shell(proven.funnels, ROUND_CEILING)}",
-                f"V decreases there with margin lambda = {_down(min(proven.margins))} 1/s or more",
-            ),
-        ),
+def _along(proven: Proven) -> tuple[str, ...]:
+    """What is guaranteed along a path."""
+    claims, problem, arrival = proven.claims, proven.claims.problem, proven.arrival
+    assert not isinstance(problem.course, Bounds) and arrival is not None
+    started = "every start with V < 1" if problem.inlet is None else "every start in I"
+    arrives = f"arrives with V <= {_up(proven.finish)}" if problem.goal is None else "arrives in G"
+    again = ", and from there lap after lap for ever" if problem.course.closed else ""
+    law = ""
+    if proven.falls:
+        law = f"this needs a law that enforces {SHARE_TEXT} of the margin per metre"
+    parts = len(claims.parts), len(claims.ratios), len(claims.funnels)
+    turn = f"legs: {parts[0]}, joints: {parts[1]}, funnels: {parts[2]}" if max(parts) > 1 else ""
+    each = "the funnels" if parts[2] > 1 else "the funnel"
+    form = f"{each}: {_templates(claims.driven)}, {_shell(claims.driven, ROUND_CEILING)}, {_lateral(claims)}"
+    per_metre = [funnel.margin_per_metre for funnel in claims.driven if funnel.margin_per_metre is not None]
+    falls = f" and {_down(min(per_metre))} per metre of the reference at u0 = 1" if per_metre else ""
+    said = (
+        f"from {started} at theta = 0, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in the funnel V <= 1"
+        f"{_kept(problem)}, until it {arrives} after {_time(arrival)}{again}",
+        law,
+        turn,
+        form,
+        f"V decreases there with margin lambda = {_down(min(proven.margins))} 1/s{falls} or more",
     )
+    return tuple(clause for clause in said if clause)
 
 
-def _tube_proven(proven: ProvenTube) -> tuple[Section, ...]:
-    problem, funnel, bounds = proven.problem, proven.funnel, proven.bounds
+def _lateral(claims: Claims) -> str:
+    """How far a car may be beside the path, or in whatever else its second state is."""
+    name, unit = (list(each)[min(1, len(each) - 1)] for each in (claims.problem.vehicle.states, _units(claims)))
+    widest = max(half_widths(funnel.shape)[min(1, len(funnel.shape) - 1)] for funnel in claims.driven)
+    return f"half-width in {name} {_up(widest)} {unit}".rstrip()
+
+
+def _everywhere(proven: Proven) -> tuple[str, ...]:
+    """What is guaranteed along every path within bounds."""
+    problem, (funnel, *_) = proven.claims.problem, proven.claims.driven
+    assert proven.contraction is not None and proven.margin_per_metre is not None  # of what is invariant, as is proven
+    started = "every start with V < 1" if problem.inlet is None else "every start in I"
+    inside = "" if problem.goal is None else ", inside G"
     widths = _numbers(half_widths(funnel.shape), ROUND_CEILING)
-    kept = ("" if problem.goal is None else ", inside G") + _kept(problem.safe is not None, problem.surroundings)
     return (
-        Section("PROVEN", ("one control funnel function for every path within bounds",)),
-        _vehicle(problem.vehicle, proven.assumptions),
-        Section(
-            "path",
-            (
-                "every one whose position, heading and speed are continuous",
-                f"speed in {_interval(bounds.speed, INWARDS)} m/s",
-                f"curvature in {_interval(bounds.curvature, INWARDS)} 1/m, which may jump",
-                f"acceleration dv/dtheta in {_interval(bounds.acceleration, INWARDS)} m/s^2",
-            ),
-        ),
-        _sets(problem, ROUND_FLOOR, ROUND_CEILING),
-        Section(
-            "guarantee",
-            (
-                f"from every start in I, anywhere along the path, inputs {_inputs(problem, OUTWARDS)} suffice to keep "
-                f"the car in the tube V <= 1{kept}, for ever",
-                f"the tube: {_shell((funnel,), ROUND_CEILING)}, half-widths ({widths})",
-                f"V decreases there with margin lambda = {_down(funnel.margin)} 1/s and "
-                f"{_down(proven.margin_per_metre)} per metre of the reference at u0 = 1, or more",
-                f"inputs that do so bring a car from V = 1 inside V <= {_up(funnel.beta_inner)} within "
-                f"{_up(proven.contraction)} m of the path",
-            ),
-        ),
+        f"from {started}, anywhere along the path, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in the "
+        f"tube V <= 1{inside}{_kept(problem)}, for ever",
+        f"the tube: {_shell((funnel,), ROUND_CEILING)}, half-widths ({widths})",
+        f"V decreases there with margin lambda = {_down(funnel.margin)} 1/s and {_down(proven.margin_per_metre)} per "
+        "metre of the reference at u0 = 1, or more",
+        f"inputs that do so bring a car from V = 1 inside V <= {_up(funnel.beta_inner)} within "
+        f"{_up(proven.contraction)} m of the path",
     )
-
-
-def _chain_proven(proven: ProvenChain) -> tuple[Section, ...]:
-    claim, tubes = proven.claim, [run.tube for run in proven.runs]
-    inputs = ", ".join(
-        f"{name} in {_interval((min(lower), max(upper)), OUTWARDS)}"
-        for name in tubes[0].inputs
-        for lower, upper in [zip(*(tube.inputs[name] for tube in tubes), strict=True)]
-    )
-    ending = (
-        f"for ever, lap after lap of {_time(proven.arrival)}"
-        if claim.closed
-        else f"until it arrives after {_time(proven.arrival)} with V <= {_up(proven.finish)}"
-    )
-    started = "in I" if claim.sets else "with V < 1 in the first tube"
-    kept = _kept(claim.sets is not None and claim.sets.safe is not None, claim.surroundings)
-    arrives = ", at the end inside G" if claim.sets else ""
-    widest = _up(max(sqrt_upper(tube.inverse[LATERAL, LATERAL]) for tube in tubes))
-    return (
-        Section("PROVEN", ("a path that is held by tubes in turn",)),
-        _vehicle(proven.vehicle, proven.assumptions),
-        Section(
-            "path",
-            (
-                f'"{claim.name}", whose {len(claim.reference.pieces)} pieces of {about(claim.reference.length)} m '
-                "stand in the file",
-            ),
-        ),
-        *_sets_of_chain(proven.vehicle, claim),
-        Section(
-            "guarantee",
-            (
-                f"started {started}, under any law that enforces {about(LAW_SHARE)} of the tubes' margins, the car "
-                f"stays in the tubes{kept}, {ending}{arrives}",
-                f"inputs: {inputs}",
-                f"tubes in turn: {len(tubes)}, of lateral half-width {widest} m or less; proven certificates: "
-                f"{len(claim.tubes)}, links: {proven.links}",
-            ),
-        ),
-    )
-
-
-def _sets_of_chain(vehicle: VehicleClaim, claim: ChainClaim) -> tuple[Section, ...]:
-    sets, said = claim.sets, _obstacles(claim.surroundings)
-    if sets is not None:
-        safe = () if sets.safe is None else (_safe_box(sets.safe, ROUND_CEILING),)
-        ends = (_half_axes("I", sets.inlet, ROUND_FLOOR), _half_axes("G", sets.goal, ROUND_CEILING))
-        said = (_deviations(vehicle), *ends, *safe, *said)
-    return (Section("sets", said),) if said else ()
 
 
 def _refuted(refuted: Refuted) -> tuple[Section, ...]:
-    problem, witness = refuted.problem, refuted.witness
-    course, margin = problem.course, _up(refuted.funnels[witness.funnel].margin)
-    shell = _shell(refuted.funnels, ROUND_FLOOR)
+    claims, witness = refuted.claims, refuted.witness
+    problem, course, funnel = claims.problem, claims.problem.course, claims.driven[0]
+    if claims.parts:
+        funnel = claims.driven[claims.parts[witness.leg].funnel]
+    shell, margin = _shell(claims.driven, ROUND_FLOOR), _up(funnel.margin)
     if isinstance(course, Bounds):
         candidate, path = shell, _paths(course)
     else:
-        candidate, path = f"{_templates(refuted.funnels)}, {shell}", _path(problem.path, course)
+        candidate, path = f"{_templates(claims.driven)}, {shell}", _path(problem.path, course)
     place = place_of(refuted.extremes, witness.reference) if refuted.violation is Violation.DECREASE else ""
     at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     return (
@@ -196,17 +157,11 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
     )
 
 
-def _absorbed(shown: ProvenFunnels | ProvenTube | ProvenChain, proven: Robustness) -> Section:
+def _absorbed(shown: Proven, proven: Robustness) -> Section:
     """What the funnels absorb under which law; every amount rounded down."""
-    match shown:
-        case ProvenFunnels():
-            vehicle, law, meanwhile = shown.problem.vehicle, (LAW,), ""
-        case ProvenTube():
-            vehicle, law = shown.problem.vehicle, (LAW_IN_TUBE,)
-            meanwhile = ", whatever curvature and acceleration do meanwhile"
-        case ProvenChain():
-            vehicle, law, meanwhile = shown.vehicle, _law_in_tubes(shown, proven), _in_tubes(shown)
+    vehicle = shown.claims.problem.vehicle
     units = units_of(vehicle)
+    law, meanwhile = _law(shown, proven)
 
     def by_state(amounts: Sequence[fmpq], units: Sequence[str]) -> str:
         entries = zip(vehicle.states, amounts, units, strict=True)
@@ -239,6 +194,32 @@ def _absorbed(shown: ProvenFunnels | ProvenTube | ProvenChain, proven: Robustnes
     )
 
 
+def _law(shown: Proven, proven: Robustness) -> tuple[tuple[str, ...], str]:
+    """What a law has to reach, with what it is told of each funnel where that is not said yet; and what it bears."""
+    claims = shown.claims
+    if not claims.parts:
+        return (LAW_EVERYWHERE,), ", whatever curvature and acceleration do meanwhile"
+    told = proven.told if len(proven.told) > 1 or shown.falls else ()
+    each = tuple(_told(index, one) for index, one in enumerate(told))
+    if not shown.falls:
+        return (LAW, *each), ""
+    problem = claims.problem
+    is_lap = not isinstance(problem.course, Bounds) and problem.course.closed
+    end = " and ends in G" if problem.goal else "" if is_lap else ", V at the end being another than above"
+    return (LAW_IN_TURN, *each), f", whatever the path does meanwhile, and the car stays in the funnels{end}"
+
+
+def _told(index: int, told: Told) -> str:
+    per_metre, bounds = told.margin_per_metre, told.bounds
+    said = f"funnel {index}: lambda = {_down(told.margin)} 1/s, shell from {_up(told.shell)}"
+    if per_metre is None or bounds is None:
+        return said
+    return (
+        f"{said}, inner {_up(told.inner)}, {_down(per_metre)} per metre, curvature in "
+        f"{_interval(bounds.curvature, OUTWARDS)} 1/m, acceleration in {_interval(bounds.acceleration, OUTWARDS)} m/s^2"
+    )
+
+
 def units_of(vehicle: VehicleClaim) -> tuple[str, ...]:
     """Of its states: those of a pose, which come first, and what is known of the others; "" where nothing is."""
     if vehicle.name in KNOWN_VEHICLES:
@@ -250,27 +231,8 @@ def _frequency(period: fmpq) -> str:
     return f" (control at {_up(1 / period)} Hz or faster)" if period else ""
 
 
-def _law_in_tubes(shown: ProvenChain, proven: Robustness) -> tuple[str, ...]:
-    """With what the law is told of each tube, in the order in which the file has them."""
-    told: dict[int, str] = {}
-    for run, bounds, (_, _, index) in zip(shown.runs, proven.along, shown.claim.runs, strict=True):
-        margin, per_metre, shell, inner = Told.of(run.tube)
-        told[index] = (
-            f"tube {index}: lambda = {_down(margin)} 1/s, {_down(per_metre)} per metre, shell from {_up(shell)}, inner "
-            f"{_up(inner)}, curvature in {_interval(bounds.curvature, OUTWARDS)} 1/m, acceleration in "
-            f"{_interval(bounds.acceleration, OUTWARDS)} m/s^2"
-        )
-    return (
-        f"V' <= -{SHARE_TEXT} times the larger of lambda and v_r times the margin per metre, below the shell times V "
-        "over its level, down to the inner one, for every curvature and acceleration of the bounds at once",
-        *(text for _, text in sorted(told.items())),
-    )
-
-
-def _in_tubes(shown: ProvenChain) -> str:
-    claim = shown.claim
-    end = " and ends in G" if claim.sets else "" if claim.closed else ", V at the end being another than above"
-    return f", whatever the path does meanwhile, and the car stays in the tubes{end}"
+def _units(claims: Claims) -> tuple[str, ...]:
+    return units_of(claims.problem.vehicle)
 
 
 def _vehicle(vehicle: VehicleClaim, assumptions: Assumptions | None) -> Section:
@@ -299,11 +261,19 @@ def _path(name: str, course: Course) -> str:
         return (
             f"{named} (turning rate {turning} rad/s, speed {moving} m/s, theta from 0 to {about(pieces[0].duration)} s)"
         )
-    count = len(course.segments)
-    segments = f"{count} segments, " if count > 1 else ""
     return (
-        f"{named}, whose {len(pieces)} pieces stand in the file ({segments}{about(course.reference.length)} m, theta "
-        f"from 0 to {about(course.reference.duration)} s)"
+        f"{named}, whose {len(pieces)} pieces stand in the file ({about(course.reference.length)} m, theta from 0 to "
+        f"{about(course.reference.duration)} s)"
+    )
+
+
+def _every_path(bounds: Bounds) -> tuple[str, ...]:
+    """Those that something is proven for."""
+    return (
+        "every one whose position, heading and speed are continuous",
+        f"speed in {_interval(bounds.speed, INWARDS)} m/s",
+        f"curvature in {_interval(bounds.curvature, INWARDS)} 1/m, which may jump",
+        f"acceleration dv/dtheta in {_interval(bounds.acceleration, INWARDS)} m/s^2",
     )
 
 
@@ -322,7 +292,7 @@ def _sets(problem: ProblemClaim, inlet: str, goal: str) -> Section:
         "sets",
         (
             _deviations(problem.vehicle),
-            _half_axes("I", problem.inlet, inlet),
+            "no I is asked" if problem.inlet is None else _half_axes("I", problem.inlet, inlet),
             "no G is asked" if problem.goal is None else _half_axes("G", problem.goal, goal),
             safe,
             *_obstacles(problem.surroundings),
@@ -352,9 +322,10 @@ def _obstacles(surroundings: Surroundings) -> tuple[str, ...]:
     return (told,) if obstacles else ()
 
 
-def _kept(has_safe: bool, surroundings: Surroundings) -> str:
+def _kept(problem: ProblemClaim) -> str:
     """Where the car is said to stay, beside the funnel: in S, and its footprint clear of the obstacles."""
-    return (", inside S" if has_safe else "") + (", clear of the obstacles" if surroundings.obstacles else "")
+    clear = ", clear of the obstacles" if problem.surroundings.obstacles else ""
+    return ("" if problem.safe is None else ", inside S") + clear
 
 
 def _inputs(problem: ProblemClaim, rounding: tuple[str, str]) -> str:
@@ -363,6 +334,8 @@ def _inputs(problem: ProblemClaim, rounding: tuple[str, str]) -> str:
 
 def _templates(funnels: Sequence[FunnelClaim]) -> str:
     level = funnels[0].level
+    if not any(funnel.level.rate for funnel in funnels):
+        return "V does not change with theta"
     rates = ", ".join(about(funnel.level.rate) for funnel in funnels[:SHOWN])
     more = ", ..." if len(funnels) > SHOWN else ""
     return f"template {level.name}, {level.rate_name} {rates}{more} 1/s"

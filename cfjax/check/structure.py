@@ -23,16 +23,15 @@ do for all references, and the box is to be small: stretches are short.
 
 If moreover dynamics of the form (*) have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal
 matrices M and N of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of
-κ is enough.
+κ is enough. A file states the signs (`is_mirror`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
 from math import comb
 
 from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.bounds import Bounds, Range
+from cfjax.check.bounds import Range
 from cfjax.check.program import Matrix
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
@@ -113,33 +112,25 @@ def require_affine_reference(dynamics: Symbolic) -> None:
             )
 
 
-def is_mirrored(
-    dynamics: Symbolic, states: Sequence[str], inputs: Mapping[str, Range], shape: Matrix, bounds: Bounds
+def is_mirror(
+    dynamics: Symbolic, states: Sequence[str], inputs: Mapping[str, Range], shape: Matrix, signs: Sequence[int]
 ) -> bool:
-    """Whether one end of the curvature speaks for both: dynamics, curvature, V and inputs are mirror symmetric."""
-    if bounds.curvature[0] != -bounds.curvature[1]:
+    """Whether f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a), V and the box of inputs being their own mirror images too.
+
+    `signs` are the diagonals of M and N; u0 keeps its sign.
+    """
+    each, flips = range(len(states)), signs[len(states) :]
+    same_value = all(signs[i] == signs[j] or shape[i][j] == 0 for i in each for j in each)
+    same_box = all(sign > 0 or lower == -upper for sign, (lower, upper) in zip(flips, inputs.values(), strict=True))
+    if {*signs} - {1, -1} or flips[0] != 1 or not (same_value and same_box):
         return False
-    each = range(len(states))
-    for signs in _mirrors(dynamics, len(states), len(inputs)):
-        same_value = all(signs[i] == signs[j] or shape[i][j] == 0 for i in each for j in each)
-        flipped = (limits for limits, sign in zip(inputs.values(), signs[len(states) :], strict=False) if sign < 0)
-        if same_value and all(lower == -upper for lower, upper in flipped):
-            return True
-    return False
-
-
-def _mirrors(dynamics: Symbolic, states: int, inputs: int) -> Iterator[tuple[int, ...]]:
-    """Signs of states and inputs with f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a); u0 keeps its sign."""
     looked_at = [*dynamics.rates, *(argument for _, argument in dynamics.functions.values())]
-    dynamics.domain.budget.spend(sum(map(len, looked_at)) * 2 ** (states + inputs))
-    for flips in product((1, -1), repeat=states + inputs - 1):
-        chosen = (*flips[:states], 1, *flips[states:])
-        signs = {**dict(enumerate(chosen)), **{dynamics.names.index(name): 1 for name in (SPEED, SPEED_SLOPE)}}
-        signs |= {dynamics.names.index(name): -1 for name in (TURN_RATE, TURN_RATE_SLOPE)}
-        if all(_take_parity(signs, index, function) for index, function in dynamics.functions.items()) and all(
-            _parity(rate, signs) in (chosen[state], 0) for state, rate in enumerate(dynamics.rates)
-        ):
-            yield chosen
+    dynamics.domain.budget.spend(sum(map(len, looked_at)))
+    parity = {**dict(enumerate(signs)), **{dynamics.names.index(name): 1 for name in (SPEED, SPEED_SLOPE)}}
+    parity |= {dynamics.names.index(name): -1 for name in (TURN_RATE, TURN_RATE_SLOPE)}
+    return all(_take_parity(parity, index, function) for index, function in dynamics.functions.items()) and all(
+        _parity(rate, parity) in (signs[state], 0) for state, rate in enumerate(dynamics.rates)
+    )
 
 
 def _take_parity(signs: dict[int, int], index: int, function: tuple[str, fmpq_mpoly]) -> bool:

@@ -1,7 +1,6 @@
-"""Obstacles and the body that has to clear them: what a file says of both, and the proof along every span of a path.
+"""Obstacles and the body that has to clear them: what a file says of both, and the proof along every leg of a path.
 
-A span is a part of a path with the funnel that holds there: a segment with its own funnel, or what one tube holds of a
-path that it was not made for. The proof is the same (`cfjax.check.clearance`).
+The proof goes along every leg, with the funnel that holds there (`cfjax.check.clearance`).
 """
 
 from collections.abc import Sequence
@@ -9,18 +8,15 @@ from typing import NamedTuple
 
 from cfjax.check.clearance import FootprintClaim, HalfPlane, ObstacleClaim, Shadow, prove_clearance
 from cfjax.check.enclosure import Budget
-from cfjax.check.level import Level
-from cfjax.check.piece import Piece
-from cfjax.check.program import Matrix
+from cfjax.check.legs import Leg
 from cfjax.check.reader import Broken, Item
-from cfjax.check.reference import ExactPose
 
 
 MOST_OBSTACLES, MOST_CORNERS, MOST_DISCS, MOST_HALF_PLANES = 64, 32, 8, 200
 CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute
 
 HalfPlanes = tuple[HalfPlane, ...]
-Clearance = tuple[tuple[tuple[HalfPlanes, ...], ...], ...]  # by span, obstacle and disc of the footprint
+Clearance = tuple[tuple[tuple[HalfPlanes, ...], ...], ...]  # by leg, obstacle and disc of the footprint
 
 
 class Surroundings(NamedTuple):
@@ -30,21 +26,8 @@ class Surroundings(NamedTuple):
     footprint: tuple[FootprintClaim, ...] = ()
 
 
-class Span(NamedTuple):
-    """The funnel {xᵀ C x ≤ ρ(θ)} along pieces of a path, θ from 0 (s), from the reference's pose `start` on.
-
-    `name` is what messages call it.
-    """
-
-    name: str
-    pieces: tuple[Piece, ...]
-    start: ExactPose
-    shape: Matrix
-    level: Level
-
-
-def prove_surroundings(surroundings: Surroundings, spans: Sequence[Span], clearance: Clearance) -> None:
-    """Proves that no disc of the body touches an obstacle at any θ of a span, wherever in its funnel the vehicle is.
+def prove_surroundings(surroundings: Surroundings, legs: Sequence[Leg], clearance: Clearance) -> None:
+    """Proves that no disc of the body touches an obstacle at any θ of a leg, wherever in its funnel the vehicle is.
 
     Raises:
         Broken: says what is not proven.
@@ -53,14 +36,14 @@ def prove_surroundings(surroundings: Surroundings, spans: Sequence[Span], cleara
     if not footprint:
         raise Broken("condition (c): there are obstacles, and no footprint that could clear them")
     budget = Budget(CLEARANCE_EFFORT)
-    for span, by_obstacle in zip(spans, clearance, strict=True):
+    for leg, by_obstacle in zip(legs, clearance, strict=True):
         for number, (obstacle, by_disc) in enumerate(zip(obstacles, by_obstacle, strict=True)):
             for disc, planes in zip(footprint, by_disc, strict=True):
                 try:
-                    shadow = Shadow(span.shape, span.level, disc)
-                    prove_clearance(span.pieces, span.start, shadow, obstacle, planes, budget)
+                    shadow = Shadow(leg.funnel.shape, leg.funnel.level, disc)
+                    prove_clearance(leg.pieces, leg.start, shadow, obstacle, planes, budget)
                 except ValueError as error:
-                    raise Broken(f"condition (c), {span.name}, obstacle {number}: {error}") from None
+                    raise Broken(f"condition (c), leg {leg.index}, obstacle {number}: {error}") from None
 
 
 # --- reading
@@ -89,8 +72,8 @@ def _disc(item: Item) -> FootprintClaim:
     return FootprintClaim(radius.rational(), offset.rational())
 
 
-def read_clearance(item: Item, surroundings: Surroundings, spans: int) -> Clearance:
-    """Half-planes for so many spans; an empty list where there are no obstacles.
+def read_clearance(item: Item, surroundings: Surroundings, legs: int) -> Clearance:
+    """Half-planes for so many legs; an empty list where there are no obstacles.
 
     Raises:
         Unreadable: says what was expected where.
@@ -100,8 +83,8 @@ def read_clearance(item: Item, surroundings: Surroundings, spans: int) -> Cleara
         item.items(0, 0)
         return ()
     return tuple(
-        tuple(tuple(map(_half_planes, disc.items(discs, discs))) for disc in span.items(obstacles, obstacles))
-        for span in item.items(spans, spans)
+        tuple(tuple(map(_half_planes, disc.items(discs, discs))) for disc in leg.items(obstacles, obstacles))
+        for leg in item.items(legs, legs)
     )
 
 

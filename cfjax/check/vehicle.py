@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mpoly
 
+from cfjax.check.bounds import Range
+from cfjax.check.graph import Graph
 from cfjax.check.reader import Broken
 from cfjax.check.symbolic import Symbolic
 
@@ -20,13 +22,24 @@ STATES, UNITS = (*POSE, "v"), (*POSE_UNITS, "m/s")  # of a car
 
 
 @dataclass(frozen=True)
+class VehicleClaim:
+    """Whose dynamics: the deviation's rate as a graph over states, `input:…` and `reference:…`."""
+
+    name: str
+    parameters: Mapping[str, fmpq]
+    states: tuple[str, ...]
+    graph: Graph
+
+
+@dataclass(frozen=True)
 class KnownVehicle:
     """What a name stands for: parameters, states, inputs with their limits, and the deviation's rate.
 
     `state_units` and `said`, what it is, are for people alone.
-    `reach(own, proven)`: limits of the inputs by which one with the parameters `proven` does what one with `own` can.
-    `scaled(parameters, length, speed)`: the parameters of the vehicle whose motion is the same with lengths and speeds
-    multiplied by these; `axes(length, speed)` and `units(length, speed)`: by what its states and inputs are then.
+    `factors(own, other)`: by what the inputs of a vehicle with the parameters `other` are multiplied where one with
+    `own` moves as it does. `scaled(parameters, length, speed)`: the parameters of the vehicle whose motion is the same
+    with lengths and speeds multiplied by these; `axes(length, speed)` and `units(length, speed)`: by what its states
+    and inputs are then.
     """
 
     parameters: tuple[str, ...]
@@ -35,15 +48,10 @@ class KnownVehicle:
     state_units: tuple[str, ...]
     limits: Mapping[str, str]  # input: the parameter that bounds its absolute value
     rate: Callable[[Mapping[str, fmpq], Symbolic], list[fmpq_mpoly]]
-    reach: Callable[[Mapping[str, fmpq], Mapping[str, fmpq]], dict[str, fmpq]]
+    factors: Callable[[Mapping[str, fmpq], Mapping[str, fmpq]], dict[str, fmpq]]
     scaled: Callable[[Mapping[str, fmpq], fmpq, fmpq], dict[str, fmpq]]
     axes: Callable[[fmpq, fmpq], tuple[fmpq, ...]]
     units: Callable[[fmpq, fmpq], dict[str, fmpq]]
-
-    def covers(self, own: Mapping[str, fmpq], proven: Mapping[str, fmpq]) -> bool:
-        """Whether a vehicle with the parameters `own` can do whatever one with `proven` can."""
-        reach = self.reach(own, proven)
-        return all(reach[name] >= proven[parameter] for name, parameter in self.limits.items())
 
 
 def _bicycle(parameters: Mapping[str, fmpq], dynamics: Symbolic) -> list[fmpq_mpoly]:
@@ -59,10 +67,9 @@ def _bicycle(parameters: Mapping[str, fmpq], dynamics: Symbolic) -> list[fmpq_mp
     ]
 
 
-def _bicycle_reach(own: Mapping[str, fmpq], proven: Mapping[str, fmpq]) -> dict[str, fmpq]:
-    """Only w / wheelbase enters: what the own car does with w, the proven one does with w · proven / own wheelbase."""
-    steering = own["max_tan_steering"] * proven["wheelbase"] / own["wheelbase"]
-    return {"w": steering, "thrust": own["max_thrust"]}
+def _bicycle_factors(own: Mapping[str, fmpq], other: Mapping[str, fmpq]) -> dict[str, fmpq]:
+    """Only w / wheelbase enters: what one car does with w, the other does with w in the ratio of their wheelbases."""
+    return {"u0": fmpq(1), "w": own["wheelbase"] / other["wheelbase"], "thrust": fmpq(1)}
 
 
 def _bicycle_scaled(parameters: Mapping[str, fmpq], length: fmpq, speed: fmpq) -> dict[str, fmpq]:
@@ -91,7 +98,7 @@ KNOWN_VEHICLES = {
         UNITS,
         {"w": "max_tan_steering", "thrust": "max_thrust"},
         _bicycle,
-        _bicycle_reach,
+        _bicycle_factors,
         _bicycle_scaled,
         _bicycle_axes,
         _bicycle_units,
@@ -99,22 +106,21 @@ KNOWN_VEHICLES = {
 }
 
 
-def check_known_vehicle(
-    name: str,
-    parameters: Mapping[str, fmpq],
-    states: tuple[str, ...],
-    inputs: Mapping[str, tuple[fmpq, fmpq]],
-    dynamics: Symbolic,
-) -> bool:
-    """Whether the name is one that the checker knows; the file is then held against what it stands for.
+def check_known_vehicle(vehicle: VehicleClaim, inputs: Mapping[str, Range], dynamics: Symbolic) -> None:
+    """Hold a file against what a name that the checker knows stands for; `inputs` is the box, u0 first.
 
     Raises:
         Broken: the file says something else under a known name.
     """
+    name, parameters = vehicle.name, vehicle.parameters
     if name not in KNOWN_VEHICLES:
-        return False
+        return
     known = KNOWN_VEHICLES[name]
-    if set(parameters) != set(known.parameters) or states != known.states or tuple(inputs) != ("u0", *known.limits):
+    if (
+        set(parameters) != set(known.parameters)
+        or vehicle.states != known.states
+        or tuple(inputs) != ("u0", *known.limits)
+    ):
         raise Broken(f"vehicle: parameters, states or inputs are not those of a {name}")
     if any(value <= 0 for value in parameters.values()):
         raise Broken(f"vehicle: the parameters of a {name} are positive")
@@ -124,4 +130,3 @@ def check_known_vehicle(
             raise Broken(f"vehicle: the limits of {label} are wider than its {parameter}")
     if dynamics.rates != tuple(known.rate(parameters, dynamics)):
         raise Broken(f"vehicle: the dynamics in the file are not those of a {name}")
-    return True

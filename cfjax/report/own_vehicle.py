@@ -30,11 +30,8 @@ def named_vehicle(folder: Path, config: Config, target: str | None) -> Vehicle |
 
 
 def speaks_of(document: dict[str, Any], vehicle: Vehicle) -> bool:
-    """Whether a certificate's vehicle, with its dynamics, is this one; of a path in tubes that of every tube."""
-    wanted = write_vehicle(vehicle, trace_deviation(vehicle))
-    tubes = [entry.get("certificate") for entry in document.get("tubes", ())]
-    told = [certificate.get("problem", {}) for certificate in tubes or [document]]
-    return all(problem.get("vehicle") == wanted for problem in told)
+    """Whether a certificate's vehicle, with its dynamics, is this one."""
+    return document.get("problem", {}).get("vehicle") == write_vehicle(vehicle, trace_deviation(vehicle))
 
 
 def is_proven_of(folder: Path, config: Config, problem: Problem) -> bool:

@@ -209,8 +209,7 @@ def confirmed(result: Result, folder: Path, check: Check = check_file) -> Result
     result = result.replace(message=report.message, account=report.paragraphs, robustness=None)
     if wanted is Outcome.REFUTED:
         return result
-    result = _with_margins(result, report)
-    return result if report.robustness is None else _with_amounts(result, report.robustness)
+    return _with_amounts(_with_margins(result, report), report)
 
 
 def _write_robustness(
@@ -224,7 +223,7 @@ def _write_robustness(
         write_whole(folder / ROBUSTNESS, dump(hints).encode())
         report = check(folder)
         if report.outcome is Outcome.PROVEN and report.robustness is not None:
-            return _with_amounts(result, report.robustness).replace(account=report.paragraphs)
+            return _with_amounts(result, report).replace(account=report.paragraphs)
         reason = report.message
     except Exception as error:  # the certificate stands without it
         reason = f"{type(error).__name__}: {error}"
@@ -233,13 +232,16 @@ def _write_robustness(
     return result
 
 
-def _with_amounts(result: Result, proven: Proven) -> Result:
-    """The result with what is absorbed, and with a law along tubes that asks for what this was proven of."""
-    result = result.replace(robustness=_amounts(proven))
-    if not proven.along:
+def _with_amounts(result: Result, report: Report) -> Result:
+    """The result with what is absorbed, if that is proven, and a law that asks for it within the bounds of each leg."""
+    if report.robustness is None:
         return result
-    each = zip(result.segments, map(tube_within, proven.along), strict=True)
-    return result.replace(segments=tuple(dataclasses.replace(segment, along=own) for segment, own in each))
+    bounds = report.bounds or (None,) * len(result.segments)
+    segments = tuple(
+        segment if own is None else dataclasses.replace(segment, along=tube_within(own))
+        for segment, own in zip(result.segments, bounds, strict=True)
+    )
+    return result.replace(robustness=_amounts(report.robustness), segments=segments)
 
 
 def _amounts(proven: Proven) -> Robustness:

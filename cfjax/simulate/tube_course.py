@@ -5,11 +5,11 @@ from pathlib import Path as File
 
 import numpy as np
 
-from cfjax.check.chain import tube_of
 from cfjax.errors import InputError
 from cfjax.problem import Path, Pose, Profile, Segment, Tube, Vehicle, waypoints
 from cfjax.result import Result
 from cfjax.tubes import follow
+from cfjax.tubes.certified import tube_of
 
 
 LOBES, TURN = 6, 0.8  # of the winding path; rad that each of them turns

@@ -1,11 +1,10 @@
 """Certified tubes along a path: those that travel with the package, for any bicycle, and which of them holds where."""
 
-from cfjax.check.certified import CertifiedTube
-from cfjax.check.similarity import scaled
 from cfjax.tubes.certificate import chain_document, write_chain
+from cfjax.tubes.certified import CertifiedTube
 from cfjax.tubes.follow import Following, Link, Stretch, follow
 from cfjax.tubes.store import library, library_files, read_tube
-from cfjax.tubes.vehicles import for_vehicle
+from cfjax.tubes.vehicles import for_vehicle, scaled
 
 
 __all__ = [

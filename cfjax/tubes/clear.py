@@ -6,11 +6,10 @@ import numpy as np
 from jaxtyping import Bool
 
 from cfjax.certificate.clearance import NotClear, find_clearance, least_clearances, samples_along
-from cfjax.check.certified import CertifiedTube
 from cfjax.check.clearance import Shadow
-from cfjax.check.handover import Run
 from cfjax.check.reference import Reference
 from cfjax.check.surroundings import Clearance, Surroundings
+from cfjax.tubes.certified import CertifiedTube, Run
 
 
 SAMPLES = 9  # of each piece: a touch between them is seen when half-planes are looked for
@@ -46,12 +45,12 @@ def choose_clear(
         except ValueError as error:
             beside = "" if obstacle is None else f", where obstacle {obstacle} leaves room"
             raise InTheWay(f"{error}{beside}") from None
-        spans = [Run(begin, end, tubes[index]).span(reference) for begin, end, index in chain]
+        legs = [Run(begin, end, tubes[index]).leg(reference) for begin, end, index in chain]
         try:
-            return chain, find_clearance(surroundings, spans)
+            return chain, find_clearance(surroundings, legs)
         except NotClear as error:
-            begin, _, tube = chain[error.span]
-            begins = [float(piece.theta) for piece in spans[error.span].pieces]
+            begin, _, tube = chain[error.leg]
+            begins = [float(piece.theta) for piece in legs[error.leg].pieces]
             holds[tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1] = False
             obstacle = error.obstacle
             _require_way(reference, holds, obstacle)
@@ -62,12 +61,12 @@ def _clear_places(
 ) -> Holds:
     """Where each tube holds the path and, as far as samples tell, the body is clear."""
     holds = holds.copy()
-    whole = [Run(0, len(reference.pieces), tube).span(reference) for tube in tubes]
+    whole = [Run(0, len(reference.pieces), tube).leg(reference) for tube in tubes]
     along = samples_along(whole[0].pieces, reference.start, SAMPLES)
     for number, obstacle in enumerate(surroundings.obstacles):
-        for index, span in enumerate(whole):
+        for index, leg in enumerate(whole):
             for disc in surroundings.footprint:
-                found = least_clearances(along, Shadow(span.shape, span.level, disc), obstacle)
+                found = least_clearances(along, Shadow(leg.funnel.shape, leg.funnel.level, disc), obstacle)
                 holds[index] &= found.reshape(-1, SAMPLES).min(axis=1) > 0
         _require_way(reference, holds, number)
     return holds

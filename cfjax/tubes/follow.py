@@ -2,7 +2,7 @@
 
 Each tube holds along every path within its intervals. So nothing is optimised for a path: it is cut into pieces, each
 piece asks which tubes hold it, and a chain is the cheapest way through them, where a tube can only be left for one that
-holds all that is left of it after the distance it has had (`cfjax.check.handover` proves each of these claims). Cost
+holds all that is left of it after the distance it has had (`cfjax.check.legs` proves each of these claims). Cost
 is the lateral half-width √((C⁻¹)_xx) weighted by length.
 """
 
@@ -10,7 +10,7 @@ import html
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,8 +18,9 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Bool, Float, Int
 
-from cfjax.check.certified import CertifiedTube
-from cfjax.check.handover import Run, hands_over, needed_distance, prove_chain
+from cfjax.certificate.joints import widest_ratio
+from cfjax.check.bounds import Range
+from cfjax.check.legs import Joint, prove_joints
 from cfjax.check.piece import Piece
 from cfjax.check.rational import float_below, rational, sqrt_upper
 from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
@@ -31,13 +32,13 @@ from cfjax.problem import FootprintDisc, KinematicBicycle, Obstacle, Vehicle
 from cfjax.problem.obstacles import footprint_of, obstacles_of
 from cfjax.problem.path import Path, Pose, Profile, Segment
 from cfjax.rounded import rounded_down, rounded_up
+from cfjax.tubes.certified import CertifiedTube, Run, timing_of
 from cfjax.tubes.store import library, proven_tubes
 from cfjax.tubes.vehicles import parameters_of, why_none
 from cfjax.tubes.violation import furthest_out
 
 
 CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
-LEVEL_SLACKS = (1e-9, 1e-6, 1e-3)  # below the largest level, which lies on the edge of what exact arithmetic confirms
 DISTANCE_SLACK = 1e-9  # a choice in floating point keeps off the exact condition
 DIGITS = 6  # that are printed
 MOST_LINES = 5  # about tubes, that are printed
@@ -91,15 +92,17 @@ class Following:
     closed: bool
     end_level: float  # V of the last tube is at most this at the end
     arrival: tuple[float, float]
-    runs: tuple[Run, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and levels
-    levels: tuple[fmpq, ...]
+    runs: tuple[Run, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and ratios
+    ratios: tuple[fmpq, ...]
+    timing: Range  # of all tubes together
+    vehicle: Vehicle | None = None  # that drives, where it is known
     surroundings: Surroundings = Surroundings()  # what the body clears in every tube
     clearance: Clearance = ()  # half-planes that prove it, by run
 
     def __post_init__(self) -> None:
         instance("path", self.path, Path)
         instance("reference", self.reference, Reference)
-        for name, kind in (("tubes", Stretch), ("links", Link), ("runs", Run), ("levels", fmpq)):
+        for name, kind in (("tubes", Stretch), ("links", Link), ("runs", Run), ("ratios", fmpq)):
             instances(name, getattr(self, name), kind)
 
     @property
@@ -215,7 +218,8 @@ def follow(
                     f"path {path.name}: tube {tube.name} is certified for another vehicle than the one given"
                 )
     try:
-        return _follow(path, chosen, closed, surroundings)
+        found = _follow(path, chosen, closed, surroundings)
+        return replace(found, vehicle=car if tubes is None or vehicle is not None else None)
     except InputError:
         raise
     except Outside as error:
@@ -250,44 +254,52 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surround
     else:
         chain, clearance = _choose(reference, tubes, holds, gap), ()
     runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
+    if any((run.tube.vehicle, run.tube.parameters) != (runs[0].tube.vehicle, runs[0].tube.parameters) for run in runs):
+        raise ValueError("expected tubes that are certified for one vehicle")
     order = [index for _, _, index in chain] + ([chain[0][2]] if closed else [])
-    levels = [_levels(tubes)[i][j] for i, j in itertools.pairwise(order)]
-    links = prove_chain(reference, runs, levels, closed)
-
-    last = runs[-1]
-    finish = last.tube.level_after(reference.length - pieces[last.begin].arc)
-    times = [(run.tube.timing, _span(pieces, run)) for run in runs]
-    earliest = sum((duration / fast for (_, fast), duration in times), fmpq(0))
-    latest = sum((duration / slow for (slow, _), duration in times), fmpq(0))
+    ratios = [_ratios(tubes)[i][j] for i, j in itertools.pairwise(order)]
+    legs = [run.leg(reference, index) for index, run in enumerate(runs)]
+    slowest, fastest = timing_of([run.tube for run in runs])
+    joints = prove_joints(legs, closed, ratios, fastest)
     return Following(
         path=_certified_path(path.name, path.curve, statements, reference),
         reference=reference,
         tubes=_stretches(pieces, runs),
-        links=tuple(
-            Link(
-                pieces[link.piece].segment,
-                float(pieces[link.piece].theta),
-                link.first,
-                link.second,
-                _float_above(link.level),
-                _float_above(link.needed),
-                float_below(link.available),
-            )
-            for link in links
-        ),
+        links=tuple(_link(joint, runs, fastest) for joint in joints),
         closed=closed,
-        end_level=_float_above(finish),
-        arrival=(float_below(earliest), _float_above(latest)),
+        end_level=_float_above(legs[-1].end_level(fastest)),
+        arrival=(float_below(reference.duration / fastest), _float_above(reference.duration / slowest)),
         runs=tuple(runs),
-        levels=tuple(levels),
+        ratios=tuple(ratios),
+        timing=(slowest, fastest),
         surroundings=surroundings,
         clearance=clearance,
     )
 
 
-def _span(pieces: Sequence[Piece], run: Run) -> fmpq:
-    """Reference time of a run, s."""
-    return sum((piece.duration for piece in pieces[run.begin : run.end]), fmpq(0))
+def _link(joint: Joint, runs: Sequence[Run], fastest: fmpq) -> Link:
+    """A proven joint in floating-point numbers."""
+    first, second = runs[joint.before.index].tube, runs[joint.after.index].tube
+    found = needed_distance(first, second, joint.ratio, joint.jump, fastest)
+    assert found is not None  # it is proven
+    place, (level, needed) = joint.after.reference.pieces[joint.after.begin], found
+    available = float_below(joint.before.length)
+    return Link(place.segment, float(place.theta), first, second, _float_above(level), _float_above(needed), available)
+
+
+def needed_distance(
+    first: CertifiedTube, second: CertifiedTube, ratio: fmpq, jump: fmpq, fastest: fmpq
+) -> tuple[fmpq, fmpq] | None:
+    """The level of the first tube at which every deviation is inside the second, and metres of reference to get there.
+
+    `ratio` is one with C₁ ≻ ratio C₂, as large as can be, and `jump` how much √V₂ changes at most where the reference
+    jumps. None where it is never reached.
+    """
+    if jump >= 1 or not ratio > 0:
+        return None
+    reached = min(ratio * (1 - jump) ** 2, fmpq(1))
+    distance = first.distance_to(reached, fastest)
+    return None if distance is None else (reached, distance)
 
 
 def _float_above(value: fmpq) -> float:
@@ -369,31 +381,23 @@ def _half_width(tube: CertifiedTube) -> float:
 
 
 @lru_cache(maxsize=64)
-def _levels(tubes: tuple[CertifiedTube, ...]) -> tuple[tuple[fmpq, ...], ...]:
-    """For each ordered pair nearly the largest level with level C₂ ≺ C₁, which is proven; 0 where none is."""
-    return tuple(tuple(_level(first, second) for second in tubes) for first in tubes)
-
-
-def _level(first: CertifiedTube, second: CertifiedTube) -> fmpq:
-    own, other = (np.array([[float(entry) for entry in row] for row in tube.shape]) for tube in (first, second))
-    largest = 1 / float(np.linalg.eigvals(np.linalg.solve(own, other)).real.max())
-    for slack in LEVEL_SLACKS:
-        level = rational(float(f"{largest * (1 - slack):.12g}"))
-        if level > 0 and hands_over(first, second, level):
-            return level
-    return fmpq(0)
+def _ratios(tubes: tuple[CertifiedTube, ...]) -> tuple[tuple[fmpq, ...], ...]:
+    """For each ordered pair nearly the largest ratio with C₁ ≻ ratio C₂, which is proven; 0 where none is."""
+    return tuple(tuple(widest_ratio(first.shape, second.shape) or fmpq(0) for second in tubes) for first in tubes)
 
 
 @lru_cache(maxsize=64)
 def _distances(tubes: tuple[CertifiedTube, ...], gap: Gap | None) -> Float[np.ndarray, "tubes tubes"]:
     """Metres that each tube needs before it hands over to another: infinite where it never does."""
     result = np.full((len(tubes), len(tubes)), np.inf)
+    fastest = timing_of(tubes)[1]
+    jumps = [gap.jump(tube.shape, tube.inverse) if gap else fmpq(0) for tube in tubes]
     for i, first in enumerate(tubes):
         for j, second in enumerate(tubes):
             # without a gap there is nothing to hand over to itself
             if i == j and gap is None:
                 continue
-            needed = needed_distance(first, second, _levels(tubes)[i][j], gap)
+            needed = needed_distance(first, second, _ratios(tubes)[i][j], jumps[j], fastest)
             if needed is not None:
                 result[i, j] = float(needed[1]) * (1 + DISTANCE_SLACK)
     return result

@@ -10,15 +10,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from flint import fmpq
 
 from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
 from cfjax.certificate.certifier import statement_of
+from cfjax.certificate.writing import exact_inputs
 from cfjax.check import Outcome, check_document
-from cfjax.check.certified import CertifiedTube, Origin
-from cfjax.check.chain import tube_of
 from cfjax.check.containment import Asked, broken_containments
-from cfjax.check.document import MOST_PIECES
-from cfjax.check.level import STILL
+from cfjax.check.legs import Leg
+from cfjax.check.question import MOST_PIECES
 from cfjax.check.rational import float_below
 from cfjax.check.reference import Reference
 from cfjax.check.vehicle import STATES
@@ -28,6 +28,7 @@ from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Ellipsoid, Interval, Path, Problem, Tube
 from cfjax.result import Result, SegmentResult
 from cfjax.tubes.certificate import chain_document
+from cfjax.tubes.certified import CertifiedTube, Origin, tube_of
 from cfjax.tubes.follow import Following, follow
 from cfjax.tubes.store import library
 from cfjax.verdict import Verdict
@@ -148,20 +149,22 @@ def _serves(problem: Problem, tube: CertifiedTube) -> bool:
     """Whether I lies in the tube and the tube in S, within the problem's inputs and by its method."""
     inlet = exact_numbers(problem.inlet.half_axes)
     safe = exact_numbers(problem.safe.half_widths) if problem.safe else None
-    if broken_containments(STATES, tube.shape, STILL, Asked(inlet, None, safe)):
+    if broken_containments(STATES, tube.shape, tube.claim.level.bounds(fmpq(0)), Asked(inlet, None, safe)):
         return False
-    names = ("u0", *problem.vehicle.input_names)
-    box = {name: exact_numbers((ends.lower, ends.upper)) for name, ends in zip(names, problem.inputs, strict=True)}
+    box = exact_inputs(problem)
     return all(box[name][0] <= low and high <= box[name][1] for name, (low, high) in tube.inputs.items())
 
 
 def _held(problem: Problem, following: Following, falsified: dict[str, float]) -> Result:
-    """The result whose segments are the chain's runs, proven from its document, or not."""
+    """The result whose segments are the runs, proven from their document, or not."""
     document = chain_document(following, problem)
     report = check_document(document)
     pieces = following.reference.pieces
     ends = np.cumsum([float(piece.duration) for piece in pieces])
-    along = bounds_along(following.reference, following.runs)
+    legs: dict[CertifiedTube, list[Leg]] = {}
+    for run in following.runs:
+        legs.setdefault(run.tube, []).append(run.leg(following.reference))
+    along = {tube: bounds_along(own, tube.bounds) for tube, own in legs.items()}
     segments = []
     for run in following.runs:
         tube = run.tube
@@ -179,8 +182,7 @@ def _held(problem: Problem, following: Following, falsified: dict[str, float]) -
             )
         )
     proven = report.outcome is Outcome.PROVEN
-    # the law has to keep to the timing inputs for which all tubes are proven
-    lower, upper = (pick(run.tube.timing[end] for run in following.runs) for pick, end in ((max, 0), (min, 1)))
+    lower, upper = following.timing
     # what is driven and written down is what the proof speaks of: poses integrated, speeds continuous
     return Result(
         Verdict.CERTIFIED if proven else Verdict.INCONCLUSIVE,

@@ -8,12 +8,11 @@ from os import PathLike
 from pathlib import Path
 
 from cfjax.check import Outcome, check_document
-from cfjax.check.certified import CertifiedTube, Origin
-from cfjax.check.chain import tube_of
 from cfjax.check.reader import Unreadable, read_json
 from cfjax.coerce import file, flag, instance
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
+from cfjax.tubes.certified import CertifiedTube, Origin, tube_of
 from cfjax.tubes.vehicles import for_vehicle
 
 

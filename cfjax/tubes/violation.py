@@ -9,10 +9,10 @@ from typing import NamedTuple
 from flint import acb, fmpq, fmpq_poly
 
 from cfjax.check.bounds import Bounds
-from cfjax.check.certified import CertifiedTube
 from cfjax.check.piece import Piece
 from cfjax.check.polynomial import evaluate, integral
 from cfjax.check.rational import upper_bound
+from cfjax.tubes.certified import CertifiedTube
 
 
 UNITS = {"curvature": "1/m", "speed": "m/s", "acceleration": "m/s²"}

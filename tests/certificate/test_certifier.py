@@ -75,7 +75,7 @@ def test_a_vehicle_that_moves_in_any_direction_is_certified() -> None:
     found = certify(problem, [Funnel(Contracting(), shape, 0.0, problem.path.segments[0].duration)])
     assert found.verdict is Verdict.CERTIFIED
     assert found.document is not None
-    (stretch,) = found.document["proofs"]["decrease"][0]["stretches"]
+    (stretch,) = found.document["hints"]["decrease"][0]["stretches"]
     shown = {tuple(cell["signs"]): float(Fraction(cell["margin"])) for cell in stretch["cells"]}
     assert len(shown) == 16
     assert {signs for signs, margin in shown.items() if margin > 100} == {(1, 1, 1, 1), (1, 1, -1, 1)}
@@ -178,7 +178,7 @@ def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate
 
 def test_a_path_of_more_than_a_checker_reads_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(statement_of(Problem(ellipse())).written["path"]["pieces"]) > 10
-    monkeypatch.setattr("cfjax.check.document.MOST_PIECES", 10)
+    monkeypatch.setattr("cfjax.check.question.MOST_PIECES", 10)
     with pytest.raises(
         InputError, match=r"no checker would read this question: problem\.path\.pieces: expected .* 10 "
     ):

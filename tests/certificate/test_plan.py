@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from cfjax.certificate import certify
+from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
 from cfjax.certificate.prover import Means, Prover, StretchProof
 from cfjax.certificate.rounding import round_funnel
-from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import write_problem
-from cfjax.check.document import read_problem
 from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
@@ -189,10 +187,9 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
 
     monkeypatch.setattr("cfjax.certificate.prover.plan", planned)
     monkeypatch.setattr(Prover, "prove", never)
-    rounded, graph = round_funnel(funnel, varying), trace_deviation(problem.vehicle)
-    (claim,) = read_problem(write_problem(problem, graph)).distinct
+    rounded, statement = round_funnel(funnel, varying), statement_of(problem)
     clock = {"plan": 0.0, "exact": 0.0}
-    prover = Prover(problem, rounded, graph, 0, MOST_GRAM_ENTRIES, Means(solver_named("batched"), clock))
+    prover = Prover(problem, rounded, statement.claim, 0, MOST_GRAM_ENTRIES, Means(solver_named("batched"), clock))
     with pytest.raises(AssertionError, match="asked too much"):
-        prover.along(claim, 1.0)
+        prover.along(statement.pieces(0), 1.0)
     assert asked == [9] and 9 * prover.entries <= MOST_GRAM_ENTRIES < 10 * prover.entries

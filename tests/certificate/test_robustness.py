@@ -16,24 +16,26 @@ import pytest
 from flint import fmpq
 
 from cfjax.certificate import certify
+from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.fit import enclose
-from cfjax.certificate.robustness import hints_for, robustness_document
+from cfjax.certificate.robustness import hints_along, robustness_document
 from cfjax.certificate.rounding import round_funnel, round_whitening
-from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import write_problem
+from cfjax.certificate.stretches import question_of
 from cfjax.check import Outcome, check_document
 from cfjax.check.amounts import Absorbed, Rates, Robustness, kept_level
-from cfjax.check.document import SegmentClaim, document_hash, read_problem
+from cfjax.check.document import document_hash
 from cfjax.check.enclosure import Budget, Enclosure
 from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
 from cfjax.check.held_hints import read_stretch
 from cfjax.check.hints import Room
-from cfjax.check.proof import LegClaim
-from cfjax.check.rational import rational
+from cfjax.check.legs import Leg
+from cfjax.check.level import LEVELS
+from cfjax.check.proof import Question
+from cfjax.check.question import Course
+from cfjax.check.rational import dyadic, rational
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import motions, prove_rates
-from cfjax.check.symbolic import symbolic
+from cfjax.check.robustness import motions, rates_along
 from cfjax.control import LAWS
 from cfjax.control.law import LAW_SHARE, law_numbers
 from cfjax.errors import InputError
@@ -97,18 +99,20 @@ def case(candidate: Callable[..., tuple[Problem, Funnel]]) -> Callable[[str], tu
 
 def rates_of(problem: Problem, funnel: Funnel, cuts: int = 1) -> Rates:
     """Proven bounds for a margin of 1 1/s, whatever the funnel's own is."""
-    graph = trace_deviation(problem.vehicle)
-    claim = read_problem(write_problem(problem, graph))
-    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
-    segment = claim.distinct[0]
-    assert isinstance(segment, SegmentClaim)
-    rounded = round_funnel(funnel, problem.path.segments[0])
-    one = rounded.claim(fmpq(1))
-    ends = [segment.duration * fmpq(k + 1, cuts) for k in range(cuts)]
-    leg = LegClaim(claim, dynamics, segment, one)
-    hints = hints_for(leg, ends, solver_named("batched"))
-    read = [read_stretch(Item(entry, "stretch"), len(claim.vehicle.states), Room(10**6)) for entry in hints]
-    return prove_rates(leg, fmpq(0), read, Budget(10**9))
+    question, leg = asked(problem, funnel)
+    ends = [leg.duration * fmpq(k + 1, cuts) for k in range(cuts)]
+    hints = hints_along(question, [leg], ends, solver_named("batched"))
+    read = [read_stretch(Item(entry, "stretch"), len(question.model.vehicle.states), Room(10**6)) for entry in hints]
+    return rates_along(question, [leg], read, Budget(10**9))
+
+
+def asked(problem: Problem, funnel: Funnel) -> tuple[Question, Leg]:
+    """What is asked of a funnel with margin 1 1/s along the first segment."""
+    statement, rounded = statement_of(problem), round_funnel(funnel, problem.path.segments[0])
+    course, one = statement.claim.course, rounded.claim(fmpq(1))
+    assert isinstance(course, Course)
+    question = replace(question_of(statement.claim, rounded), funnel=one)
+    return question, Leg(course.reference, 0, statement.legs[0].end, one)
 
 
 def motion_of(problem: Problem, funnel: Funnel) -> tuple[Callable, Callable]:
@@ -187,16 +191,10 @@ def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], t
 
 def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]:
     """What is bounded over the whole of a steady segment, with enclosures of sine and cosine."""
-    graph = trace_deviation(problem.vehicle)
-    claim = read_problem(write_problem(problem, graph))
-    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
-    segment = claim.distinct[0]
-    assert isinstance(segment, SegmentClaim)
-    one = round_funnel(funnel, problem.path.segments[0])
-    slopes = derivatives_of(graph, claim.vehicle.states)
-    told = one.claim(fmpq(1))
+    question, leg = asked(problem, funnel)
+    slopes = derivatives_of(question.model.vehicle.graph, question.model.vehicle.states)
     found = []
-    for motion, terms in motions(LegClaim(claim, dynamics, segment, told), (fmpq(0), segment.duration)):
+    for motion, terms in motions(question, [leg], (fmpq(0), leg.duration)):
         hints: tuple[dict, dict] = {}, {}
 
         def fit(node: int, function: str, argument: Enclosure, hints: tuple[dict, dict] = hints) -> Enclosure:
@@ -406,6 +404,11 @@ def spoiled(hints: dict, change: Callable[[dict], None]) -> dict:
     return copied
 
 
+def stretch_of(hints: dict) -> dict:
+    """The one of the one funnel."""
+    return hints["funnels"][0]["stretches"][0]
+
+
 def test_files_that_show_less_or_nothing(absorbed: Any) -> None:
     *_, proven, document, hints = absorbed
     report = check_document(document)
@@ -420,19 +423,19 @@ def test_files_that_show_less_or_nothing(absorbed: Any) -> None:
         return found.outcome, found.message
 
     def cells(hints: dict) -> list:
-        return hints["funnels"][0][0]["levels"][0]["cells"]
+        return stretch_of(hints)["levels"][0]["cells"]
 
     outcome, message = answer(lambda h: cells(h).pop())
     assert outcome is Outcome.BROKEN and "8 vertices" in message
-    outcome, message = answer(lambda h: h["funnels"][0][0].update(end="7"))
-    assert outcome is Outcome.BROKEN and "do not follow each other along the segment" in message
-    outcome, message = answer(lambda h: h["funnels"][0][0].update(end="599/100"))
+    outcome, message = answer(lambda h: stretch_of(h).update(end="7"))
+    assert outcome is Outcome.BROKEN and "do not follow each other along the leg" in message
+    outcome, message = answer(lambda h: stretch_of(h).update(end="599/100"))
     assert outcome is Outcome.BROKEN
-    outcome, message = answer(lambda h: h["funnels"][0][0]["levels"].pop())
+    outcome, message = answer(lambda h: stretch_of(h)["levels"].pop())
     assert outcome is Outcome.BROKEN and "2 ranges of levels" in message
     outcome, message = answer(lambda h: h.update(certificate="sha256:0"))
     assert outcome is Outcome.BROKEN and "another certificate" in message
-    outcome, message = answer(lambda h: h["funnels"][0][0]["levels"][0].pop("derivatives"))
+    outcome, message = answer(lambda h: stretch_of(h)["levels"][0].pop("derivatives"))
     assert outcome is Outcome.UNREADABLE and "derivatives" in message
     wrong = {**hints, "certificate": "x"}
     assert "hash" in check_robustness(report, document, wrong).message
@@ -444,7 +447,7 @@ def test_files_that_show_less_or_nothing(absorbed: Any) -> None:
 
     # a bound that claims more is proven to be what it is, not better than before: it no longer allows the amounts
     def bolder(h: dict) -> None:
-        for cell in [cell for level in h["funnels"][0][0]["levels"] for cell in level["cells"]]:
+        for cell in [cell for level in stretch_of(h)["levels"] for cell in level["cells"]]:
             cell["margin"] = str(fmpq(*map(int, cell["margin"].split("/"))) / 2)
 
     outcome, message = answer(bolder)
@@ -475,28 +478,20 @@ def test_amounts_are_the_largest_and_no_larger_one_is_believed(absorbed: Any, se
         assert answer(-1.0, state)[0] is Outcome.UNREADABLE
 
 
-def test_v_is_below_its_entry_where_the_lap_begins_again(absorbed: Any) -> None:
+def test_v_has_to_be_low_enough_where_the_lap_begins_again(absorbed: Any) -> None:
+    """The joint says less of the same funnel, which is true, until no room is left for inputs that are held over it."""
     *_, document, hints = absorbed
-    report = check_document(document)
-
-    def answer(entry: str) -> tuple[Outcome, str]:
-        found = check_robustness(report, document, spoiled(hints, lambda h: h.update(entries=[entry])))
-        return found.outcome, found.message
-
-    (own,) = hints["entries"]
-    assert answer(str(rational(own) + rational(0.01)))[0] is Outcome.PROVEN
-    outcome, message = answer(str(rational(own) - rational(0.01)))
-    assert outcome is Outcome.BROKEN and "V is not below the entry claimed" in message
-    outcome, message = answer("999/1000")  # true, and so near to 1 that no room is left for what is held
-    assert outcome is Outcome.BROKEN and "the bounds do not allow the period" in message
-    assert answer("-1/2")[0] is Outcome.UNREADABLE
-
-
-def test_a_file_without_amounts_says_what_to_do(absorbed: Any) -> None:
-    *_, document, hints = absorbed
-    before = {name: value for name, value in hints.items() if name != "amounts"}
-    found = check_robustness(check_document(document), document, before)
-    assert found.outcome is Outcome.UNREADABLE and "the certificate stands without it" in found.message
+    end = LEVELS["contracting"](rational(document["funnels"][0]["rate"])).bounds(rational(6))[1]
+    (joint,) = document["joints"]
+    assert rational(joint["ratio"]) > fmpq(5, 4) * end
+    for room, outcome in ((fmpq(5, 4), Outcome.PROVEN), (fmpq(1001, 1000), Outcome.BROKEN)):
+        told = {**document, "joints": [{"ratio": str(dyadic(room * end, up=True))}]}
+        told["hash"] = document_hash(told)
+        report = check_document(told)
+        assert report.outcome is Outcome.PROVEN
+        found = check_robustness(report, told, spoiled({**hints, "certificate": told["hash"]}, lambda _: None))
+        assert found.outcome is outcome, found.message
+    assert "the bounds do not allow the period" in found.message
 
 
 def test_authority_makes_the_box_smaller_around_what_the_reference_needs() -> None:

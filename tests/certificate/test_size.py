@@ -9,11 +9,13 @@ from flint import fmpq
 
 import cfjax.synthesis
 from cfjax.certificate import certify, program, proof_size, require_room, statement_of
+from cfjax.certificate.certifier import Statement
 from cfjax.certificate.program import program_of
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.size import GB, ProofSize
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
 from cfjax.check import enclosure
+from cfjax.check.bounds import Bounds
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.options import Options, ProofLimits
@@ -56,19 +58,24 @@ def test_counts_are_those_of_the_proof(problem: Problem, counts: tuple[int, ...]
     statement, segment = statement_of(problem), problem.path.distinct[0]
     rate = 0.0 if problem.path.tube else 0.1 / segment.duration
     shape = np.diag(1 / np.linspace(0.5, 0.6, problem.dimension) ** 2) * (1.2 if problem.dimension == 5 else 1.0)
-    claim = statement.claim.distinct[0]
-    stretch = (
-        Stretch(fmpq(0), fmpq(0), claim)
-        if problem.path.tube
-        else bounded(claim.pieces, fmpq(0), claim.duration, isinstance(problem.vehicle, SteeredCar))
-    )
+    course = statement.claim.course
+    if isinstance(course, Bounds):
+        stretch = Stretch(fmpq(0), fmpq(0), course)
+    else:
+        stretch = whole_of(statement, isinstance(problem.vehicle, SteeredCar))
     funnel = round_funnel(Funnel(CONTRACTING, shape, rate, segment.duration), segment)
-    questions = decreases_on(problem, funnel, statement.graph, stretch)
+    questions = decreases_on(question_of(statement.claim, funnel), funnel, stretch)
     cells = [(question, cell) for question in questions for cell in question.cells()]
     assert size.cells == len(problem.path.distinct) * len(cells)
     made = program_of(*cells[0])
     assert len(made.target) == size.rows
     assert max(made.degrees) == size.order
+
+
+def whole_of(statement: Statement, is_smooth: bool) -> Stretch:
+    """All of the first segment in one."""
+    pieces = statement.pieces(0)
+    return bounded(pieces, fmpq(0), pieces[-1].theta + pieces[-1].duration, is_smooth)
 
 
 def test_more_states_take_more() -> None:
@@ -90,11 +97,10 @@ def test_nothing_of_a_proof_is_made_that_no_checker_reads() -> None:
     """Whoever asks for it: Gram matrices of 462 rows would not fit into any memory."""
     problem = asked(Rooted(), circle())
     statement, segment = statement_of(problem), problem.path.distinct[0]
-    claim = statement.claim.distinct[0]
-    stretch = bounded(claim.pieces, fmpq(0), claim.duration, True)
+    stretch = whole_of(statement, True)
     funnel = round_funnel(Funnel(CONTRACTING, 30 * np.eye(5), 0.0, segment.duration), segment)
     with pytest.raises(enclosure.TooLarge, match="at most 128"):
-        decreases_on(problem, funnel, statement.graph, stretch)
+        decreases_on(question_of(statement.claim, funnel), funnel, stretch)
 
 
 SIZE = ProofSize(5, 4, 1, 16, 1287, 126, memory=6e9, seconds=3000.0, shapes=())

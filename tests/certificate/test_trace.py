@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.rounding import round_funnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on
+from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
 from cfjax.certificate.trace import PROFILE_INPUTS, trace_deviation
 from cfjax.errors import InputError
 from cfjax.exact import exact_course
@@ -151,7 +152,7 @@ def test_tan_and_division_are_enclosed_on_the_funnel(monkeypatch: pytest.MonkeyP
     segment = problem.path.segments[0]
     shape = np.diag([3.0, 3.0, 3.0, 3.0, 8.0]) + 0.2
     rounded = round_funnel(Funnel(Contracting(), shape, 0.2, segment.duration), segment)
-    decrease = decreases_on(problem, rounded, trace_deviation(vehicle), _whole(problem))[0]
+    decrease = decreases_on(question_of(statement_of(problem).claim, rounded), rounded, _whole(problem))[0]
     assert {unary.function for unary in decrease.enclosures.values()} == {"sin", "cos", "tan", "inv"}
     whitening = np.array([[float(w) for w in row] for row in decrease.whitening])
     cells = list(decrease.cells())
@@ -179,11 +180,11 @@ def test_poles_in_the_funnel_are_refused() -> None:
     wide = np.diag([3.0, 3.0, 3.0, 3.0, 0.3])  # the steering angle reaches beyond π/2
     rounded = round_funnel(Funnel(Contracting(), wide, 0.2, segment.duration), segment)
     with pytest.raises(ValueError, match="tan has a pole"):
-        decreases_on(problem, rounded, trace_deviation(vehicle), _whole(problem))
+        decreases_on(question_of(statement_of(problem).claim, rounded), rounded, _whole(problem))
     fast = np.diag([3.0, 3.0, 3.0, 1 / 200, 8.0])  # v + v_r reaches −10 m/s, where 1 + v/10 is zero
     rounded = round_funnel(Funnel(Contracting(), fast, 0.2, segment.duration), segment)
     with pytest.raises(ValueError, match="inv has a pole"):
-        decreases_on(problem, rounded, trace_deviation(vehicle), _whole(problem))
+        decreases_on(question_of(statement_of(problem).claim, rounded), rounded, _whole(problem))
 
 
 def _whole(problem: Problem) -> Stretch:

@@ -239,10 +239,10 @@ def test_an_error_of_the_pose_in_a_band_is_one_whose_level_is_told() -> None:
         inner=fmpq(9, 10),
     )
     rates = one, replace(one, slopes=(fmpq(800),), decrease=fmpq(2))
-    bounds = BoundsOver(rates, partial(least_level, rates), bands=((fmpq(1), fmpq(2)), (fmpq(2), fmpq(3))))
+    bounds = BoundsOver(rates, partial(least_level, rates), (), bands=((fmpq(1), fmpq(2)), (fmpq(2), fmpq(3))))
     every = verified(largest_amounts(bounds), bounds)
     slow, fast = every.by_speed
-    alone = largest_amounts(BoundsOver((one,), partial(least_level, (one,)))).alone
+    alone = largest_amounts(BoundsOver((one,), partial(least_level, (one,)), ())).alone
     assert alone.pose_error[0] > every.alone.pose_error[0]  # else there is nothing to see
     for band, own in zip(rates, (slow, fast), strict=True):
         kept = kept_level(band, replace(own.scaled(fmpq(0)), pose_error=own.pose_error))
@@ -255,23 +255,29 @@ def test_an_error_of_the_pose_in_a_band_is_one_whose_level_is_told() -> None:
     assert slow.disturbance[0] < fast.disturbance[0]
 
 
+def levels(hints: dict) -> list[dict]:
+    return hints["funnels"][0]["stretches"][0]["levels"]
+
+
 def test_files_that_show_less_or_nothing(case: Callable[[str], Case]) -> None:
     own = case("steady pf")
     report = check_document(own.document)
     answer = partial(answer_to, report=report, document=own.document, hints=own.hints)
-    assert "for every curvature and acceleration of the tube at once" in own.report.message
+    assert "for every curvature and acceleration of the bounds at once" in own.report.message
     assert "whatever curvature and acceleration do meanwhile" in own.report.message
-    outcome, message = answer(lambda h: h.update(entries=["1/2"]))
-    assert outcome is Outcome.BROKEN and "an entry is claimed of a tube" in message
+    outcome, message = answer(lambda h: h["funnels"][0]["bounds"].update(curvature=["0", "0"]))
+    assert outcome is Outcome.BROKEN and "narrower than those of the path" in message
+    outcome, message = answer(lambda h: h["funnels"][0].update(bounds=None))
+    assert outcome is Outcome.UNREADABLE and "bounds of the path for a funnel" in message
     outcome, message = answer(lambda h: h["amounts"]["by_speed"][0].update(pose_error=["9"] * 4))
     assert outcome is Outcome.UNREADABLE and "pose_error" in message
-    outcome, message = answer(lambda h: h["funnels"][0][0].update(end="3/2"))
+    outcome, message = answer(lambda h: h["funnels"][0]["stretches"][0].update(end="3/2"))
     assert outcome is Outcome.BROKEN and "bands of speed" in message
-    outcome, message = answer(lambda h: h["funnels"][0][0]["levels"][0]["cells"].pop())
+    outcome, message = answer(lambda h: h["funnels"][0]["stretches"][0]["levels"][0]["cells"].pop())
     assert outcome is Outcome.BROKEN and "16 vertices" in message
-    outcome, message = answer(lambda h: h["funnels"][0].append(h["funnels"][0][0]))
+    outcome, message = answer(lambda h: h["funnels"][0]["stretches"].append(h["funnels"][0]["stretches"][0]))
     assert outcome is Outcome.BROKEN and "bands of speed" in message
-    outcome, message = answer(lambda h: h["funnels"][0][0]["levels"].append(h["funnels"][0][0]["levels"][0]))
+    outcome, message = answer(lambda h: levels(h).append(levels(h)[0]))
     assert outcome is Outcome.BROKEN and "ranges of levels" in message
 
 

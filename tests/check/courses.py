@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from cfjax.certificate.certifier import _prove_sets
+from cfjax.certificate.certifier import _prove_sets, statement_of
 from cfjax.certificate.prover import Means, Prover
 from cfjax.certificate.rounding import RoundedFunnel, round_funnel
 from cfjax.certificate.stretches import Stretch
-from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import seal, write_decrease, write_funnel, write_problem
+from cfjax.certificate.writing import seal, write_decrease, write_funnel
 from cfjax.check.bounds import Bounds
-from cfjax.check.document import read_problem
 from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.rational import rational
 from cfjax.funnel import Funnel, template_named
@@ -117,17 +115,16 @@ def assembled(
     problem: Problem, funnels: Sequence[RoundedFunnel], stretches: Sequence[Sequence[Stretch]]
 ) -> dict[str, Any]:
     """The certificate with these stretches, one list for each kind of segment."""
-    graph = trace_deviation(problem.vehicle)
-    question = write_problem(problem, graph)
-    clearance = _prove_sets(problem, read_problem(question), funnels)
-    found = []
-    solver = solver_named(DEFAULT, 2)
+    statement = statement_of(problem)
+    ratios, clearance = _prove_sets(problem, statement, funnels)
+    found, means = [], Means(solver_named(DEFAULT, 2), {"sos": 0.0, "exact": 0.0})
     for kind, (funnel, own) in enumerate(zip(funnels, stretches, strict=True)):
-        prover = Prover(problem, funnel, graph, kind, MOST_GRAM_ENTRIES, Means(solver, {"sos": 0.0, "exact": 0.0}))
+        prover = Prover(problem, funnel, statement.claim, kind, MOST_GRAM_ENTRIES, means)
         found.append([prover.prove(stretch, 0.0) for stretch in own])
     written = [
         write_funnel(funnel.claim(min(proof.margin for proof in own)))
         for funnel, own in zip(funnels, found, strict=True)
     ]
-    decrease = [write_decrease(own[0].degrees, [proof.hints for proof in own]) for own in found]
-    return seal("funnel", question, written, {"decrease": decrease, "clearance": clearance})
+    decrease = [write_decrease(own[0].degrees, None, [proof.hints for proof in own]) for own in found]
+    hints = {"decrease": decrease, "clearance": clearance}
+    return seal("funnel", statement.written, written, hints, statement.legs, ratios)

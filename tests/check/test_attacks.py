@@ -47,7 +47,7 @@ def run(folder: Path, texts: tuple[str, ...], *options: str) -> list[dict[str, A
 def test_nothing_false_is_accepted(
     campaign: ModuleType, tmp_path: Path, paper_text: str, contracting_text: str, tube_text: str, lap_text: str
 ) -> None:
-    entries = run(tmp_path, (paper_text, contracting_text, tube_text, lap_text), "--count", "160", "--seed", "2")
+    entries = run(tmp_path, (paper_text, contracting_text, tube_text, lap_text), "--count", "200", "--seed", "2")
     assert campaign.failures(entries) == []
     assert {entry["attack"] for entry in entries} == set(campaign.ATTACKS)
     assert sum(entry["outcome"] == "true, accepted" for entry in entries) > 5  # the truth is told apart
@@ -56,39 +56,44 @@ def test_nothing_false_is_accepted(
 
 def test_nothing_false_is_accepted_of_a_path_with_its_tubes(campaign: ModuleType, tmp_path: Path) -> None:
     text = json.dumps(chain_document(follow(circle(1.5, 1.2), closed=True)))
-    assert campaign.is_true_chain(json.loads(text)) == ""
-    entries = run(tmp_path, (text,), "--count", "16", "--seed", "1")
-    assert campaign.failures(entries) == []
-    assert sum(entry["attack"] == "chain changed" for entry in entries) > 8
+    assert campaign.is_true(json.loads(text)) == ""
+    for only in ("leg changed", "model changed", "path changed"):
+        entries = run(tmp_path, (text,), "--count", "8", "--seed", "1", "--only", only)
+        assert campaign.failures(entries) == []
+    first = "problem", "path", "pieces", 0
     for path, value, expected in (
-        (("path", "pieces", 0, "turn_rate", 0), "9", "curvature"),
-        (("path", "pieces", 0, "speed", 0), "9/10", "speed"),
-        (("path", "pieces", 0, "duration"), "1/2", "closed"),
-        (("vehicle", "parameters", "max_thrust"), "1/100", "vehicle"),
-        (("sets",), {"inlet": ["1"] * 4, "goal": ["1"] * 4, "safe": None}, "(a)"),
+        ((*first, "turn_rate", 0), "9", "closed"),
+        ((*first, "speed", 0), "9/10", "speed"),
+        ((*first, "duration"), "1/2", "closed"),
+        (("problem", "vehicle", "parameters", "max_thrust"), "1/100", "vehicle"),
+        (("problem", "sets", "inlet"), {"half_axes": ["1"] * 4}, "(a)"),
+        (("problem", "sets", "goal"), {"half_axes": ["1/100"] * 4}, "(b)"),
+        (("funnels", 0, "margin"), "9", "(d)"),
+        (("funnels", 0, "margin_per_metre"), "9", "(d)"),
+        (("funnels", 0, "margin_per_metre"), None, ""),  # a weaker claim, if none that the checker takes
     ):
         document = json.loads(text)
         holder = document
         for key in path[:-1]:
             holder = holder[key]
         holder[path[-1]] = value
-        assert campaign.is_true_chain(document) == expected
+        assert campaign.is_true(document) == expected
 
 
 def test_nothing_false_is_accepted_beside_obstacles(campaign: ModuleType, tmp_path: Path) -> None:
     pole = Disc(2.6, 0.0, 0.3)
     text = json.dumps(chain_document(follow(circle(1.5, 1.2), closed=True, obstacles=[pole], footprint=[[0.2, 0.1]])))
     document = json.loads(text)
-    assert campaign.is_true_chain(document) == ""
-    document["surroundings"]["obstacles"][0]["corners"] = [["2", "0"]]
-    assert campaign.is_true_chain(document) == "obstacle"
-    entries = run(tmp_path, (text,), "--count", "24", "--seed", "3", "--only", "chain changed")
+    assert campaign.is_true(document) == ""
+    document["problem"]["sets"]["obstacles"][0]["corners"] = [["2", "0"]]
+    assert campaign.is_true(document) == "obstacle"
+    entries = run(tmp_path, (text,), "--count", "24", "--seed", "3", "--only", "place changed")
     assert campaign.failures(entries) == []
     assert {entry["outcome"] for entry in entries} >= {"true, accepted"}
 
 
 def test_the_truth_sees_what_is_false_of_a_lap(campaign: ModuleType, lap_text: str) -> None:
-    """Links, the lap, kinds, obstacles and θ are looked at, not only what a steady segment has."""
+    """Joints, the lap, legs, obstacles and θ are looked at, not only what a steady segment has."""
     assert campaign.is_true(json.loads(lap_text)) == ""
 
     def judged(*path: Any, value: Any) -> str:
@@ -98,10 +103,11 @@ def test_the_truth_sees_what_is_false_of_a_lap(campaign: ModuleType, lap_text: s
         holder[path[-1]] = value
         return campaign.is_true(document)
 
-    assert judged("funnels", 0, "rate", value="1/10") == "link"
+    assert judged("funnels", 0, "rate", value="1/10") == "joint"
     assert judged("funnels", 1, "margin", value="3/2") == "(d)"
-    assert judged("problem", "path", "kinds", value=[0, 0, 0, 1]) == "kinds"
-    assert judged("problem", "path", "pieces", 5, "duration", value="1") == "kinds"
+    assert judged("funnels", 0, "margin", value="1") == "(d)"
+    assert judged("legs", 3, "end", value=5) == "legs"
+    assert judged("problem", "path", "pieces", 5, "duration", value="1") == "closed"
     assert judged("problem", "path", "start", 1, value="1") == "obstacle"
     assert judged("problem", "sets", "obstacles", 0, "round", value="1") == "obstacle"
     assert judged("problem", "sets", "footprint", 1, "radius", value="1") == "obstacle"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.rounding import round_funnel
-from cfjax.certificate.stretches import bounded, decreases_on
-from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.stretches import bounded, decreases_on, question_of
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.level import LEVELS, Contracting, Paper
 from cfjax.check.program import Gram, monomials, quadratic_form
@@ -28,7 +28,7 @@ def question(template: str, method: str, rate: float = 0.09) -> tuple[SteadyDecr
     rounded = round_funnel(Funnel(template_named(template), SHAPE, rate, segment.duration), segment)
     course = exact_course(problem.path)
     stretch = bounded(course.pieces, fmpq(0), course.duration)
-    return decreases_on(problem, rounded, trace_deviation(problem.vehicle), stretch)[0], problem, rounded.funnel
+    return decreases_on(question_of(statement_of(problem).claim, rounded), rounded, stretch)[0], problem, rounded.funnel
 
 
 @pytest.mark.parametrize("template", ["paper", "contracting"])

@@ -10,9 +10,9 @@ import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
 from cfjax.check import Outcome, check_document, proof
-from cfjax.check.document import MOST_PIECES
 from cfjax.check.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
 from cfjax.check.hints import MOST_CELLS
+from cfjax.check.question import MOST_PIECES
 
 
 Document = dict[str, Any]
@@ -20,7 +20,7 @@ PATIENCE = 60.0  # seconds on a busy machine; the slowest takes five to ten
 
 
 def stretch(document: Document) -> Document:
-    return document["proofs"]["decrease"][0]["stretches"][0]
+    return document["hints"]["decrease"][0]["stretches"][0]
 
 
 def nodes(document: Document) -> list:
@@ -135,7 +135,7 @@ def definite(document: Document) -> None:
     size, rng = 126, random.Random(0)
     lower = [2**63 if i == j else rng.getrandbits(53) for i in range(size) for j in range(i + 1)]
     gram = {"exponent": 200, "lower": lower}
-    proof = document["proofs"]["decrease"][0]
+    proof = document["hints"]["decrease"][0]
     proof["degrees"] = [5] * len(proof["degrees"])
     for cell in stretch(document)["cells"]:
         cell["grams"] = [gram] * len(cell["grams"])
@@ -143,10 +143,13 @@ def definite(document: Document) -> None:
 
 def spinning(document: Document) -> None:
     """A lap that winds up again and again: its poses are hard to enclose, each piece by itself as far as is allowed."""
-    piece = {"segment": 0, "duration": "1", "turn_rate": ["0", "4000"], "speed": ["1"]}
+    piece = {"duration": "1", "turn_rate": ["0", "4000"], "speed": ["1"]}
     document["problem"]["path"].update(pieces=[piece] * MOST_PIECES, closed=True)
+    document["legs"][0]["end"] = MOST_PIECES
     document["funnels"][0].update(template="contracting", rate="0")
     document["problem"]["sets"]["goal"]["half_axes"] = ["9"] * 4  # nothing is wrong before the lap's end is looked for
+    bounds = {"curvature": ["-9999", "9999"], "speed": ["1", "1"], "acceleration": ["0", "0"]}
+    stretch(document).update(end=str(MOST_PIECES), bounds=bounds)
 
 
 HOSTILE: dict[str, Callable[[Document], None]] = {
@@ -175,10 +178,8 @@ def test_endless_arithmetic_is_refused(certificate: Document, name: str) -> None
 
 def test_sums_along_a_path_stay_short(certificate: Document) -> None:
     """Durations with unlike denominators: θ and arc length would grow from piece to piece."""
-    pieces = [
-        {"segment": k, "duration": f"1/{10**399 + k}", "turn_rate": ["0"], "speed": ["1"]} for k in range(MOST_PIECES)
-    ]
-    certificate["problem"]["path"].update(pieces=pieces, kinds=list(range(MOST_PIECES)))
+    pieces = [{"duration": f"1/{10**399 + k}", "turn_rate": ["0"], "speed": ["1"]} for k in range(MOST_PIECES)]
+    certificate["problem"]["path"].update(pieces=pieces)
     report = check_document(json.loads(json.dumps(certificate)), skip_hash=True)
     assert report.outcome is Outcome.UNREADABLE
     assert "sums along the path of at most" in report.message
@@ -190,6 +191,7 @@ def test_functions_without_use_are_paid_for_on_every_stretch(
     """Sines that no output reads cost no polynomial arithmetic, but each is proven once more on each stretch."""
     document = certificate
     document["problem"]["path"]["closed"] = False
+    document["joints"] = []
     assert check_document(document, skip_hash=True).outcome is Outcome.PROVEN
     numbers = tuple(str(fmpq(3 * 2**200 + k, 5 * 2**200 - 1)) for k in range(12))
     for k in range(4):
@@ -201,7 +203,7 @@ def test_functions_without_use_are_paid_for_on_every_stretch(
 
 
 def test_gram_matrices_are_counted_before_they_are_read(certificate: Document) -> None:
-    hints, own = certificate["proofs"]["decrease"][0], stretch(certificate)
+    hints, own = certificate["hints"]["decrease"][0], stretch(certificate)
     cell = own["cells"][0]
     own["cells"] = [cell] * (MOST_CELLS + 1)
     assert f"1 to {MOST_CELLS} entries" in check_document(certificate, skip_hash=True).message

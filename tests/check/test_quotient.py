@@ -203,7 +203,7 @@ def tell(document: Document, node: int, low: fmpq, high: fmpq) -> None:
     coefficients = fit("inv", low, high)
     bound = proven_bound("inv", coefficients, low, high)
     told = {"coefficients": [str(c) for c in coefficients], "lower": str(low), "upper": str(high), "bound": str(bound)}
-    entries = document["proofs"]["decrease"][0]["stretches"][0]["enclosures"]
+    entries = document["hints"]["decrease"][0]["stretches"][0]["enclosures"]
     entries[:] = [entry for entry in entries if entry["node"] != node]
     entries.append({"node": node, "function": "inv", **told})
     entries.sort(key=lambda entry: entry["node"])
@@ -211,7 +211,7 @@ def tell(document: Document, node: int, low: fmpq, high: fmpq) -> None:
 
 def speeds(document: Document) -> tuple[int, fmpq, fmpq]:
     """The node that divides, and the least and largest of what it divides by in the ball that a checker looks at."""
-    (stretch,) = document["proofs"]["decrease"][0]["stretches"]
+    (stretch,) = document["hints"]["decrease"][0]["stretches"]
     (entry,) = (entry for entry in stretch["enclosures"] if entry["function"] == "inv")
     ball = Domain(fmpq_mpoly_ctx.get([f"y{k}" for k in range(4)], "degrevlex"), 1 + RADIUS_SLACK)
     row = map(fmpq, stretch["whitening"][3])
@@ -288,20 +288,20 @@ def test_a_vehicle_that_divides_by_zero_in_its_funnel_is_refused(document: Docum
 def test_a_funnel_that_is_wider_in_speed_than_proven_is_refused(document: Document) -> None:
     text = json.dumps(document)
     node, low, high = speeds(document)
-    (stretch,) = document["proofs"]["decrease"][0]["stretches"]
+    (stretch,) = document["hints"]["decrease"][0]["stretches"]
     # hints about fewer speeds than the funnel holds
     tell(document, node, low + fmpq(1, 100), high + fmpq(1, 100))
     assert refused(document, "the argument of inv reaches from")
     # a slower path: the same funnel holds the speed zero
     document = json.loads(text)
     document["problem"]["path"]["pieces"][0]["speed"] = [str(2 - low)]
-    document["proofs"]["decrease"][0]["stretches"][0]["bounds"]["speed"] = [str(2 - low)] * 2
+    document["hints"]["decrease"][0]["stretches"][0]["bounds"]["speed"] = [str(2 - low)] * 2
     assert refused(document, "the argument of inv reaches from")
     tell(document, node, fmpq(1, 10), fmpq(5))
     assert refused(document, "the argument of inv reaches from")
     # a wider funnel, in coordinates that fit it
     document = json.loads(text)
-    (stretch,) = document["proofs"]["decrease"][0]["stretches"]
+    (stretch,) = document["hints"]["decrease"][0]["stretches"]
     entries = document["funnels"][0]["shape"]
     entries[:] = [str(fmpq(entry) / 9) for entry in entries]
     stretch["whitening"] = [[str(3 * fmpq(entry)) for entry in row] for row in stretch["whitening"]]

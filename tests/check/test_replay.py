@@ -97,7 +97,7 @@ def test_nothing_but_python_flint_is_imported() -> None:
 def claim(document: dict[str, Any], change: str) -> dict[str, Any]:
     """A change that makes the claim false, by name."""
     problem, funnel = document["problem"], document["funnels"][0]
-    proof = document["proofs"]["decrease"][0]["stretches"][0]
+    proof = document["hints"]["decrease"][0]["stretches"][0]
     match change:
         case "margin":
             funnel["margin"] = str(Fraction(funnel["margin"]) + Fraction(1, 100))
@@ -190,12 +190,12 @@ def test_a_proven_sentence_says_no_more_than_is_proven(certificate: dict[str, An
 
 
 def witness(x: list[str]) -> dict[str, Any]:
-    return {"condition": "c", "funnel": 0, "theta": "0", "reference": 0, "x": x}
+    return {"condition": "c", "leg": 0, "theta": "0", "reference": 0, "x": x}
 
 
 def refutation(document: dict[str, Any], shape: list[str], x: list[str]) -> dict[str, Any]:
     """Claims condition (c) to fail at x, for another C."""
-    del document["proofs"]
+    del document["hints"]
     document["funnels"][0]["shape"] = shape
     return document | {"claim": "refutation", "witness": witness(x)}
 
@@ -249,7 +249,7 @@ def test_huge_numbers_do_not_hide_which_claim_is_broken(certificate: dict[str, A
             "condition (d), theta from 0 to 6 s, piece 0, signs (++): margin 1e+399",
         ),
         (
-            lambda d: d["proofs"]["decrease"][0]["stretches"][0]["cells"][0].update(margin=f"-{10**390}"),
+            lambda d: d["hints"]["decrease"][0]["stretches"][0]["cells"][0].update(margin=f"-{10**390}"),
             "e+390 1/s proven",
         ),
         (lambda d: d["problem"]["vehicle"]["parameters"].update(wheelbase=str(10**399)), "vehicle: the dynamics"),
@@ -274,6 +274,7 @@ def test_another_name_is_a_claim_about_the_graph(certificate: dict[str, Any]) ->
     assert report.outcome is Outcome.BROKEN
     assert "laps are closed for bodies that look along the path" in report.message
     certificate["problem"]["path"]["closed"] = False
+    certificate["joints"] = []
     report = check_document(renewed(certificate))
     assert report.outcome is Outcome.PROVEN and "body" not in report.message
 

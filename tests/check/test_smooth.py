@@ -103,7 +103,7 @@ def checked(document: Document) -> Report:
 
 
 def stretch(document: Document) -> Document:
-    (found,) = document["proofs"]["decrease"][0]["stretches"]
+    (found,) = document["hints"]["decrease"][0]["stretches"]
     return found
 
 
@@ -181,6 +181,7 @@ def in_two(document: Document, by: str) -> None:
     end = Fraction(whole["turn_rate"][0]) + Fraction(3, 5) * Fraction(whole["turn_rate"][1])
     half = {**whole, "duration": "3/5"}
     document["problem"]["path"]["pieces"] = [half, {**half, "turn_rate": [str(end + Fraction(by)), "13/100"]}]
+    document["legs"][0]["end"] = 2
 
 
 def not_affine(document: Document) -> None:
@@ -200,7 +201,7 @@ BENT: dict[str, tuple[Callable[[Document], object], str]] = {
     "wider than is proven": (rate_bounds("-9", "9"), "margin"),
     "a vertex is missing": (one_vertex_less, "the proof has to cover"),
     "the curve is sharper": (lambda d: pieces_of(d)[0]["turn_rate"].__setitem__(1, "131/1000"), "leaves the bounds"),
-    "the turning rate jumps": (lambda d: in_two(d, "1/1000000000"), "in segment 0: the turning rate jumps"),
+    "the turning rate jumps": (lambda d: in_two(d, "1/1000000000"), "from piece 0 to piece 1: the turning rate jumps"),
     "dynamics that are not affine": (not_affine, "have to be affine in the reference's curvature"),
     "a state that goes with acceleration": (follows_acceleration, "have to enter times u0"),
     "more is claimed": (lambda d: d["funnels"][0].update(margin="4"), "margin 4 1/s claimed"),
@@ -230,7 +231,7 @@ def test_bounds_that_are_none_are_unreadable(document: Document, ends: Any) -> N
 def test_a_tube_has_no_bounds_of_the_rate(tube_text: str) -> None:
     """Its paths may jump in curvature as they like."""
     document = json.loads(tube_text)
-    document["problem"]["path"]["tube"]["curvature_rate"] = ["0", "0"]
+    document["problem"]["path"]["bounds"]["curvature_rate"] = ["0", "0"]
     report = checked(document)
     assert report.outcome is Outcome.UNREADABLE and "curvature_rate" in report.message
     document = json.loads(tube_text)

@@ -12,15 +12,21 @@ import pytest
 from flint import fmpq
 
 from cfjax.certificate import certify, dump, refute
+from cfjax.certificate.mirror import mirrored as sought
 from cfjax.check import Outcome, check_document
 from cfjax.check.bounds import Bounds
 from cfjax.check.document import document_hash
+from cfjax.check.funnel import Model
+from cfjax.check.graph import Graph
 from cfjax.check.program import Matrix
+from cfjax.check.proof import Question
 from cfjax.check.reader import Broken
-from cfjax.check.structure import is_mirrored, require_tube_structure
+from cfjax.check.structure import is_mirror, require_tube_structure
 from cfjax.check.symbolic import Symbolic
+from cfjax.check.vehicle import VehicleClaim
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Interval, KinematicBicycle, Method, Problem, ReferencePoint, affine_deviation, ball, tube
+from tests import by_hand
 from tests.check.graphs import ACCELERATION, FIRST, OMEGA, SECOND, SLOPE, SPEED, TURNING, U0, W, dynamics
 
 
@@ -46,12 +52,12 @@ def checked(document: Document) -> Any:
 
 
 def bounds_of(document: Document) -> Document:
-    return document["problem"]["path"]["tube"]
+    return document["problem"]["path"]["bounds"]
 
 
 def stretch(document: Document) -> Document:
     """The one that a tube has."""
-    return document["proofs"]["decrease"][0]["stretches"][0]
+    return document["hints"]["decrease"][0]["stretches"][0]
 
 
 def cells(document: Document) -> list[Document]:
@@ -96,8 +102,8 @@ def test_less_is_proven_too(tube_text: str, name: str) -> None:
 
 def stretched(name: str, end: int, by: str) -> Callable[[Document], None]:
     def spoil(document: Document) -> None:
-        bounds = bounds_of(document)[name]
-        bounds[end] = str(Fraction(bounds[end]) + Fraction(by))
+        for bounds in (bounds_of(document)[name], stretch(document)["bounds"][name]):
+            bounds[end] = str(Fraction(bounds[end]) + Fraction(by))
 
     spoil.__name__ = f"{name}[{end}] by {by}"
     return spoil
@@ -113,7 +119,20 @@ def raised(name: str, factor: Fraction) -> Callable[[Document], None]:
 
 
 def wider_curvature(document: Document) -> None:
-    bounds_of(document)["curvature"] = ["-151/100", "151/100"]
+    for bounds in (bounds_of(document), stretch(document)["bounds"]):
+        bounds["curvature"] = ["-151/100", "151/100"]
+
+
+def wider_paths_than_the_proof_is_for(document: Document) -> None:
+    bounds_of(document)["curvature"][1] = f"{15 * 10**11 + 1}/{10**12}"
+
+
+def proof_with_an_end(document: Document) -> None:
+    stretch(document)["end"] = "1"
+
+
+def mirror_not_stated(document: Document) -> None:
+    document["hints"]["decrease"][0]["mirror"] = None
 
 
 def odd_meets_even(document: Document) -> None:
@@ -164,7 +183,8 @@ def member_with_other_signs(document: Document) -> None:
 
 
 def other_speeds(document: Document) -> None:
-    bounds_of(document)["speed"] = ["1/2", "1"]
+    for bounds in (bounds_of(document), stretch(document)["bounds"]):
+        bounds["speed"] = ["1/2", "1"]
 
 
 def more_inputs_are_free(document: Document) -> None:
@@ -174,6 +194,9 @@ def more_inputs_are_free(document: Document) -> None:
 
 SPOILS = [
     wider_curvature,
+    wider_paths_than_the_proof_is_for,
+    proof_with_an_end,
+    mirror_not_stated,
     stretched("curvature", 0, f"-1/{10**12}"),
     stretched("curvature", 1, f"1/{10**12}"),
     stretched("curvature", 0, "1/2"),  # smaller, but no mirror image of itself: the proof is of one end only
@@ -200,6 +223,12 @@ SPOILS = [
 ]
 
 
+def test_fewer_paths_have_the_same_proof(tube_text: str) -> None:
+    document = json.loads(tube_text)
+    bounds_of(document).update(curvature=["0", "1"], speed=["3/2", "3/2"])
+    assert checked(document).outcome is Outcome.PROVEN
+
+
 def test_a_tube_may_go_without_a_goal(tube_text: str) -> None:
     """What is said then is another statement, in another file."""
     document = json.loads(tube_text)
@@ -223,28 +252,31 @@ def test_nothing_else_is_no_goal(tube_text: str, goal: object) -> None:
     assert "problem.sets.goal" in report.message
 
 
-def test_a_path_has_a_goal(paper_text: str, lap_text: str) -> None:
-    for text in (paper_text, lap_text):
+def test_where_no_sets_are_asked_the_funnel_is_what_is_said(paper_text: str, lap_text: str, tube_text: str) -> None:
+    for text in (paper_text, lap_text, tube_text):
         document = json.loads(text)
-        document["problem"]["sets"]["goal"] = None
+        document["problem"]["sets"]["goal"] = document["problem"]["sets"]["inlet"] = None
         report = checked(document)
-        assert report.outcome is Outcome.UNREADABLE
-        assert "problem.sets.goal" in report.message
+        assert report.outcome is Outcome.PROVEN
+        assert "no I is asked; no G is asked" in report.message and "from every start with V < 1" in report.message
+        assert ("until it arrives with V <= 1 after" in report.message) is (text is not tube_text)
+        document["problem"]["sets"]["safe"] = {"half_axes": ["1"] * 4}
+        assert checked(document).outcome is Outcome.UNREADABLE
 
 
 def test_where_no_goal_is_asked_none_is_missed(tube_text: str) -> None:
     """A witness against (b) that is one with G is none without it."""
     document = json.loads(tube_text)
     document["claim"] = "refutation"
-    del document["proofs"]
-    document["witness"] = {"condition": "b", "funnel": 0, "theta": "0", "reference": 0, "x": ["0", "1/8", "0", "0"]}
+    del document["hints"]
+    document["witness"] = {"condition": "b", "leg": 0, "theta": "0", "reference": 0, "x": ["0", "1/8", "0", "0"]}
     document["problem"]["sets"]["goal"] = {"half_axes": ["1/10"] * 4}
     assert checked(document).outcome is Outcome.REFUTED
     document["problem"]["sets"]["goal"] = None
     report = checked(document)
     assert (report.outcome, report.message) == (
         Outcome.BROKEN,
-        "witness: condition (b) is not asked of a tube without G",
+        "witness: condition (b) is not asked here",
     )
 
 
@@ -433,8 +465,9 @@ APART: Matrix = [[fmpq(2), fmpq(0)], [fmpq(0), fmpq(3)]]
 
 
 def mirrored(given: Symbolic, box: Any = BOX, shape: Matrix = APART, curvature: Any = (fmpq(-1), fmpq(1))) -> bool:
-    claim = Bounds(curvature, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(0)))
-    return is_mirrored(given, ("a", "b"), box, shape, claim)
+    model = Model(VehicleClaim("two", {}, ("a", "b"), Graph((), ())), box)
+    question = sought(Question(model, given, by_hand.funnel(shape=shape)))
+    return question.is_mirrored(Bounds(curvature, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(0))))
 
 
 def test_a_mirror_needs_dynamics_box_shape_and_curvature() -> None:
@@ -485,14 +518,16 @@ def test_parity_of_functions() -> None:
         assert not mirrored(dynamics(("add", FIRST, neither), SECOND))
 
 
-def test_the_search_for_a_mirror_is_paid_for() -> None:
-    """Arguments of functions count, too: 512 patterns of signs look at all of them."""
+def test_a_look_at_a_mirror_is_paid_for() -> None:
+    """Arguments of functions count, too."""
     even: Any = ("add", ("mul", "a", "a"), ("mul", "b", "b"))
     power = ("add", 1, even)
     for _ in range(4):
         power = ("mul", power, power)  # degree 32: 153 terms
-    rate: Any = ("add", FIRST, "b")  # no mirror, looked for to the end
-    given = dynamics(rate, ("add", SECOND, ("cos", power)))
+    given = dynamics(FIRST, ("add", SECOND, ("cos", power)))
     before = given.domain.budget.left
-    assert not mirrored(given)
-    assert before - given.domain.budget.left >= 153 * 2**3
+    assert is_mirror(given, ("a", "b"), BOX, APART, (-1, 1, 1, -1))
+    assert before - given.domain.budget.left >= 153
+    assert not is_mirror(given, ("a", "b"), BOX, APART, (-1, 1, -1, -1))  # time does not run backwards
+    assert not is_mirror(given, ("a", "b"), BOX, APART, (1, 1, 1, -1))
+    assert not is_mirror(given, ("a", "b"), BOX, APART, (0, 1, 1, 0))

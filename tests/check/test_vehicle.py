@@ -8,7 +8,7 @@ from cfjax.check.graph import Graph, Node
 from cfjax.check.reader import Broken
 from cfjax.check.refutation import require_affine
 from cfjax.check.symbolic import symbolic
-from cfjax.check.vehicle import check_known_vehicle
+from cfjax.check.vehicle import VehicleClaim, check_known_vehicle
 from cfjax.problem import KinematicBicycle
 
 
@@ -17,12 +17,16 @@ PARAMETERS = {"wheelbase": fmpq(17, 50), "max_tan_steering": fmpq(1), "max_thrus
 INPUTS = {"u0": (fmpq(1, 2), fmpq(2)), "w": (fmpq(-1), fmpq(1)), "thrust": (fmpq(-4), fmpq(4))}
 
 
+def check(graph: Graph, parameters: dict = PARAMETERS, inputs: dict = INPUTS, name: str = "kinematic_bicycle") -> None:
+    vehicle = VehicleClaim(name, parameters, STATES, graph)
+    check_known_vehicle(vehicle, inputs, symbolic(graph, STATES, tuple(inputs)))
+
+
 def test_the_traced_bicycle_is_the_bicycle() -> None:
     graph = trace_deviation(KinematicBicycle())
-    assert check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, INPUTS, symbolic(graph, STATES, tuple(INPUTS)))
-    assert not check_known_vehicle("my_car", PARAMETERS, STATES, INPUTS, symbolic(graph, STATES, tuple(INPUTS)))
-    narrow = INPUTS | {"thrust": (fmpq(-1), fmpq(2))}
-    assert check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, narrow, symbolic(graph, STATES, tuple(narrow)))
+    check(graph)
+    check(graph, inputs=INPUTS | {"thrust": (fmpq(-1), fmpq(2))})
+    check(graph, parameters={}, name="my_car")
 
 
 def test_another_car_does_not_pass_under_its_name() -> None:
@@ -38,7 +42,7 @@ def test_another_car_does_not_pass_under_its_name() -> None:
     tan = Graph(tuple(Node("tan", n.args) if n.op == "sin" else n for n in graph.nodes), graph.outputs)
     for wrong in (other, flipped, swapped, tan, *parts):
         with pytest.raises(Broken, match="dynamics"):
-            check_known_vehicle("kinematic_bicycle", PARAMETERS, STATES, INPUTS, symbolic(wrong, STATES, tuple(INPUTS)))
+            check(wrong)
     for parameters, inputs in (
         (PARAMETERS | {"wheelbase": fmpq(0)}, INPUTS),
         ({"wheelbase": fmpq(17, 50)}, INPUTS),
@@ -46,7 +50,7 @@ def test_another_car_does_not_pass_under_its_name() -> None:
         (PARAMETERS, {"u0": INPUTS["u0"], "thrust": INPUTS["thrust"], "w": INPUTS["w"]}),
     ):
         with pytest.raises(Broken, match="vehicle"):
-            check_known_vehicle("kinematic_bicycle", parameters, STATES, inputs, symbolic(graph, STATES, tuple(inputs)))
+            check(graph, parameters, inputs)
 
 
 def test_affinity_is_read_off_the_graph() -> None:

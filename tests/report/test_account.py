@@ -8,7 +8,7 @@ from pathlib import Path
 from flint import fmpq
 
 from cfjax.check import Outcome, Report
-from cfjax.check.amounts import Absorbed, Robustness
+from cfjax.check.amounts import Absorbed, Robustness, Told
 from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.report.files import versions
 from cfjax.report.page.page import page_of
@@ -20,6 +20,7 @@ from tests import by_hand
 
 Make = Callable[..., Result]  # hand_made
 
+TOLD = (Told(fmpq(3, 10), None, fmpq(9, 10), fmpq(1, 2), None),)
 NONE = Absorbed(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
 CLAIMS = {"verdict": Verdict.CERTIFIED, "document": {"format": "made by hand"}, "margin": 0.4}
 
@@ -35,7 +36,7 @@ def proves(path: Path) -> Report:
 
 
 def absorbs(path: Path) -> Report:
-    return by_hand.proven(fmpq(3, 10), robustness=Robustness(NONE, fmpq(1), NONE, fmpq(1), ()))
+    return by_hand.proven(fmpq(3, 10), robustness=Robustness(NONE, fmpq(1), NONE, fmpq(1), (), TOLD))
 
 
 def test_paragraphs_are_those_of_the_data(hand_made: Make) -> None:

@@ -14,7 +14,7 @@ from flint import fmpq
 
 from cfjax.check import Outcome, Report, check_file
 from cfjax.check.amounts import Absorbed as ProvenAmounts
-from cfjax.check.amounts import Robustness
+from cfjax.check.amounts import Robustness, Told
 from cfjax.check.bounds import Bounds
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
@@ -171,7 +171,8 @@ def test_along_tubes_the_law_asks_for_what_the_checker_proved(hand_made: Make, t
     still = fmpq(0), fmpq(0)
     bounds = Bounds((fmpq(1, 4), fmpq(2)), (fmpq(1), fmpq(1)), still)
     none = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
-    proven = Robustness(none, fmpq(1), none, fmpq(1), (), along=(bounds,))
+    told = Told(fmpq(3, 10), fmpq(1), fmpq(9, 10), fmpq(1, 2), bounds)
+    proven = Robustness(none, fmpq(1), none, fmpq(1), (), (told,))
 
     def check(path: Path) -> Report:
         return by_hand.proven(fmpq(3, 10), robustness=proven)

@@ -103,17 +103,26 @@ def test_a_tube_that_is_too_wide_is_left_in_time() -> None:
     assert check_document(chain_document(beside)).outcome is Outcome.PROVEN
 
 
+def sets(document: dict) -> dict:
+    return document["problem"]["sets"]
+
+
+def plane(document: dict) -> dict:
+    """The last one of the first leg, obstacle and disc."""
+    return document["hints"]["clearance"][0][0][0][-1]
+
+
 @pytest.mark.parametrize(
     ("spoil", "outcome", "words"),
     [
-        (lambda d: d["surroundings"]["obstacles"][0].update(corners=[["5", "1/2"]]), Outcome.BROKEN, "obstacle 0"),
-        (lambda d: d["surroundings"]["footprint"][0].update(radius="3/2"), Outcome.BROKEN, "run 0, obstacle 0"),
-        (lambda d: d["surroundings"]["footprint"][1].update(radius="3/2"), Outcome.BROKEN, "run 0, obstacle 0"),
-        (lambda d: d["surroundings"].update(footprint=[]), Outcome.UNREADABLE, "clearance"),
-        (lambda d: d["clearance"].pop(), Outcome.UNREADABLE, "clearance"),
-        (lambda d: d.pop("clearance"), Outcome.UNREADABLE, "clearance"),
-        (lambda d: d["clearance"][0][0][0][-1].update(normal=["0", "-1"]), Outcome.BROKEN, "obstacle 0"),
-        (lambda d: d["clearance"][0][0][0][-1].update(end="1"), Outcome.BROKEN, "half-planes whose ends increase"),
+        (lambda d: sets(d)["obstacles"][0].update(corners=[["5", "1/2"]]), Outcome.BROKEN, "obstacle 0"),
+        (lambda d: sets(d)["footprint"][0].update(radius="3/2"), Outcome.BROKEN, "leg 0, obstacle 0"),
+        (lambda d: sets(d)["footprint"][1].update(radius="3/2"), Outcome.BROKEN, "leg 0, obstacle 0"),
+        (lambda d: sets(d).update(footprint=[]), Outcome.UNREADABLE, "clearance"),
+        (lambda d: d["hints"]["clearance"].pop(), Outcome.UNREADABLE, "clearance"),
+        (lambda d: d["hints"].pop("clearance"), Outcome.UNREADABLE, "clearance"),
+        (lambda d: plane(d).update(normal=["0", "-1"]), Outcome.BROKEN, "obstacle 0"),
+        (lambda d: plane(d).update(end="1"), Outcome.BROKEN, "half-planes whose ends increase"),
     ],
 )
 def test_what_is_not_proven_is_refused(document: dict, spoil, outcome: Outcome, words: str) -> None:
@@ -133,21 +142,19 @@ def test_half_planes_of_another_run_prove_nothing() -> None:
     path = Path("narrowing", (bend,))
     found = follow(path, [by_name["wide-gentle-slow"], only_bends], obstacles=(Disc(1.5, 2.0, 0.2),), footprint=BODY)
     document = chain_document(found)
-    second = found.runs[1].span(found.reference)
-    heading, x, y = bend.poses(
-        np.array([sum(float(piece.duration) for piece in found.runs[0].span(found.reference).pieces)])
-    )[0]
+    first, second = (run.leg(found.reference) for run in found.runs)
+    heading, x, y = bend.poses(np.array([float(first.duration)]))[0]
     assert float(second.start.heading) == pytest.approx(heading, abs=1e-9)
     place = float(second.start.position.real.mid()), float(second.start.position.imag.mid())
     assert place == pytest.approx((x, y), abs=1e-6)
-    assert len(document["runs"]) == 2 and check_document(document).outcome is Outcome.PROVEN
-    document["clearance"].reverse()
+    assert len(document["legs"]) == 2 and check_document(document).outcome is Outcome.PROVEN
+    document["hints"]["clearance"].reverse()
     assert check_document(sealed(document)).outcome is Outcome.BROKEN
-    document["clearance"].reverse()
+    document["hints"]["clearance"].reverse()
     place = [str(fmpq(round(64 * value), 64)) for value in bend.poses(np.array([9.0]))[0, 1:]]  # on the second run
-    document["surroundings"]["obstacles"][0].update(corners=[place])
+    document["problem"]["sets"]["obstacles"][0].update(corners=[place])
     report = check_document(sealed(document))
-    assert report.outcome is Outcome.BROKEN and "run" in report.message
+    assert report.outcome is Outcome.BROKEN and ", obstacle 0: " in report.message
 
 
 def test_a_lap_of_another_car_is_clear() -> None:
@@ -163,8 +170,6 @@ def test_a_lap_of_another_car_is_clear() -> None:
 
 def test_only_a_body_clears_obstacles(document: dict, monkeypatch: pytest.MonkeyPatch) -> None:
     renamed = json.loads(json.dumps(document).replace("kinematic_bicycle", "my_own"))
-    for tube in renamed["tubes"]:
-        tube["certificate"] = sealed(tube["certificate"])
     assert check_document(sealed(renamed)).outcome is Outcome.PROVEN  # by its dynamics it is one
     monkeypatch.setattr(meaning, "is_a_body", lambda *_: False)
     report = check_document(sealed(renamed))
@@ -181,12 +186,6 @@ def test_what_no_checker_reads_is_refused_before_a_tube_is_learned() -> None:
     problem = Problem(PATH, inlet=ball(0.1), goal=ball(0.25), obstacles=[Disc(5.0, 3.0 + k, 0.1) for k in range(65)])
     with pytest.raises(InputError, match="obstacles"):
         hold_by_learning(problem, lambda *_: pytest.fail("asked to learn"))
-
-
-def test_a_file_of_before_names_no_obstacles(document: dict) -> None:
-    before = {name: value for name, value in document.items() if name not in ("surroundings", "clearance")}
-    report = check_document(sealed(before))
-    assert report.outcome is Outcome.PROVEN and "obstacle" not in report.message
 
 
 def test_tubes_of_the_package_lead_from_i_to_g_beside_obstacles() -> None:

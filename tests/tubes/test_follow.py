@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.check.certified import LAW_SHARE
 from cfjax.check.document import document_hash
+from cfjax.check.funnel import LAW_SHARE
 from cfjax.check.rational import rational
 from cfjax.check.reader import read_json
 from cfjax.errors import InputError

@@ -63,11 +63,12 @@ def test_the_package_holds_a_slalom() -> None:
     assert "I with half-axes (0.15, 0.15, 0.15, 0.15)" in result.message
     # the sets are claims: larger ones are not proven
     for name, values, words in (
-        ("inlet", ["1/2"] * 4, "does not lie inside the funnel's start"),
-        ("goal", ["1/20"] * 4, "does not lie inside the goal G"),
-        ("safe", ["1", "1/10", "1", "1"], "leaves the safe set S in x"),
+        ("inlet", {"half_axes": ["1/2"] * 4}, "does not lie inside the funnel's start"),
+        ("goal", {"half_axes": ["1/20"] * 4}, "does not lie inside the goal G"),
+        ("safe", {"half_widths": ["1", "1/10", "1", "1"]}, "leaves the safe set S in x"),
     ):
-        document = {**result.document, "sets": {**result.document["sets"], name: values}}
+        question = result.document["problem"]
+        document = {**result.document, "problem": {**question, "sets": {**question["sets"], name: values}}}
         report = check_document({**document, "hash": document_hash(document)})
         assert report.outcome is Outcome.BROKEN and words in report.message
 

@@ -1,9 +1,8 @@
-"""A tube with a checked certificate, and what it says of a car along its reference: how fast the level V falls.
+"""A tube with a certificate, as a car that drives has it: what a path is held by, and in what order.
 
-A tube is an ellipsoid {V(x) = xᵀ C x ≤ 1} of deviations that holds along every path whose curvature κ = ω_r/v_r, speed
-v_r and acceleration dv_r/dθ stay inside its bounds: V̇ ≤ −μ v_r min(1, V/β̲) for V in [β_in, 1], so that {V ≤ β_in}
-holds too. The reference moves by ds = u0 v_r dt with u0 ≤ u0_hi, and the run-time law asks for 0.95 of the certified
-decrease: dV/ds ≤ −(0.95 μ/u0_hi) min(1, V/β̲), which is integrated.
+A tube is an invariant funnel {V(x) = xᵀ C x ≤ 1} that holds along every path whose curvature κ = ω_r/v_r, speed v_r and
+acceleration dv_r/dθ stay inside its bounds. Numbers are exact, and what is chosen with them is proven by
+`cfjax.check.legs`.
 """
 
 from collections.abc import Mapping
@@ -12,16 +11,18 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flint import arb, fmpq, fmpq_mat
+from flint import fmpq, fmpq_mat
 
 from cfjax.check.bounds import Bounds, Range
+from cfjax.check.document import read_claims
+from cfjax.check.funnel import FunnelClaim, contraction_way, metres
+from cfjax.check.legs import Leg
+from cfjax.check.level import Contracting
 from cfjax.check.program import Matrix
-from cfjax.check.rational import about, exp_bounds, is_positive_definite, upper_bound
+from cfjax.check.rational import about, is_positive_definite
+from cfjax.check.reader import Unreadable
+from cfjax.check.reference import Reference
 from cfjax.check.vehicle import STATES
-
-
-LAW_SHARE = fmpq(19, 20)  # of the certified decrease: what the run-time law (`cfjax.control`) asks for
-STEEPEST_EXPONENT = fmpq(64)  # levels below e^−64 are not told apart
 
 
 class Origin(NamedTuple):
@@ -37,12 +38,12 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)  # one object is one certificate: compared by identity, so that proofs can be cached
 class CertifiedTube:
-    """A tube with a checked certificate: the numbers that chains are proven from.
+    """A tube with a checked certificate.
 
     `parameters` are the vehicle's; `bounds` those of the paths along which it holds, whose curvature may jump. `shape`
     is C in the coordinates `states`. `margin` (1/s) and `margin_per_metre` are λ and μ of V̇ ≤ −λ min(1, V/beta_lower)
     and V̇ ≤ −μ v_r min(1, V/beta_lower) for V in [beta_inner, 1]. `inputs` are intervals by name, "u0", the rate of θ,
-    first.
+    first: what it is proven with.
 
     Raises:
         ValueError: for numbers that are none of a tube. That the certificate is true is not asked here.
@@ -87,28 +88,67 @@ class CertifiedTube:
         return self.inputs["u0"]
 
     @cached_property
+    def claim(self) -> FunnelClaim:
+        """It as the checker has it."""
+        return FunnelClaim(
+            Contracting(fmpq(0)), self.shape, self.beta_lower, self.beta_inner, self.margin, self.margin_per_metre
+        )
+
+    @property
     def inverse(self) -> fmpq_mat:
         """C⁻¹: its diagonal holds the squares of the half-widths."""
-        return fmpq_mat([list(row) for row in self.shape]).inv()
+        return self.claim.inverse
 
-    @cached_property
-    def metres(self) -> fmpq:
-        """u0_hi/(0.95 μ): metres of reference in which the law lowers V by one, as long as it is above beta_lower."""
-        return self.timing[1] / (LAW_SHARE * self.margin_per_metre)
+    def distance_to(self, level: fmpq, fastest: fmpq) -> fmpq | None:
+        """Metres of reference with u0 ≤ `fastest` after which V ≤ level is proven, from anywhere in the tube.
 
-    def level_after(self, distance: fmpq) -> fmpq:
-        """A rational that V is at most after so many metres of reference, from anywhere in the tube."""
-        fallen = distance / self.metres
-        if 1 - fallen >= self.beta_lower:
-            return max(1 - fallen, self.beta_inner)
-        exponent = min((fallen - (1 - self.beta_lower)) / self.beta_lower, STEEPEST_EXPONENT)
-        return max(self.beta_lower * exp_bounds(-exponent)[1], self.beta_inner)
-
-    def distance_to(self, level: fmpq) -> fmpq | None:
-        """Metres of reference after which V ≤ level is proven, from anywhere in the tube; None where it never is."""
+        None where it never is.
+        """
         if level < self.beta_inner:
             return None
-        if level >= self.beta_lower:
-            return self.metres * max(1 - level, fmpq(0))
-        logarithm = upper_bound(arb(self.beta_lower / level).log())
-        return self.metres * (1 - self.beta_lower + self.beta_lower * logarithm)
+        return metres(self.margin_per_metre, fastest) * contraction_way(self.beta_lower, level)
+
+
+class Run(NamedTuple):
+    """Pieces begin, …, end − 1 of a path in one tube."""
+
+    begin: int
+    end: int
+    tube: CertifiedTube
+
+    def leg(self, reference: Reference, index: int = 0) -> Leg:
+        """It as the checker has it, the leg of its path with that number."""
+        return Leg(reference, self.begin, self.end, self.tube.claim, index)
+
+
+def timing_of(tubes: "list[CertifiedTube] | tuple[CertifiedTube, ...]") -> Range:
+    """Of all tubes together: inputs are held from one into the next."""
+    return min(tube.timing[0] for tube in tubes), max(tube.timing[1] for tube in tubes)
+
+
+def tube_of(document: object, name: str) -> CertifiedTube:
+    """The tube that a certificate claims, unproven.
+
+    Raises:
+        Unreadable: no certificate, or one of something else.
+    """
+    claims = read_claims(document)
+    problem, funnel, model = claims.problem, claims.driven[0], claims.models[0]
+    bounds = problem.course
+    if not isinstance(bounds, Bounds) or funnel.margin_per_metre is None:
+        raise Unreadable("expected the certificate of a tube, got one of something else")
+    factors = model.input_factors(problem.vehicle)
+    return CertifiedTube(
+        name=name,
+        vehicle=problem.vehicle.name,
+        parameters=problem.vehicle.parameters,
+        method=problem.method,
+        bounds=bounds,
+        shape=funnel.shape,
+        beta_lower=funnel.beta_lower,
+        beta_inner=funnel.beta_inner,
+        margin=funnel.margin,
+        margin_per_metre=funnel.margin_per_metre,
+        inputs={label: (low * factors[label], high * factors[label]) for label, (low, high) in model.inputs.items()},
+        states=problem.vehicle.states,
+    )

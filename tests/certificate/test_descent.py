@@ -1,12 +1,12 @@
 """What is absorbed along a path that tubes hold: how V comes down under held inputs, links, cars of other sizes."""
 
+import copy
 import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,11 +18,13 @@ import cfjax
 from cfjax.certificate.amounts import largest_amounts
 from cfjax.certificate.robustness import robustness_document
 from cfjax.check import Outcome, Report, check_document
-from cfjax.check.amounts import SHARE, Absorbed, Rates, verified
-from cfjax.check.bounds import Bounds
-from cfjax.check.chain import ChainClaim, SetsClaim, read_chain
-from cfjax.check.chain_robustness import HeldTube, Told, _handed_over, bounds_along
-from cfjax.check.held_hints import TubeHints, read_chain_robustness
+from cfjax.check.amounts import SHARE, Absorbed, Rates, Told, verified
+from cfjax.check.bounds import Bounds, Range
+from cfjax.check.descent import HeldFunnel, are_entered, bounds_over, held_over
+from cfjax.check.document import read_certificate
+from cfjax.check.held_hints import read_robustness
+from cfjax.check.legs import Joint
+from cfjax.check.legs import Leg as ProvenLeg
 from cfjax.check.rational import sqrt_lower, sqrt_upper
 from cfjax.check.reference import Gap
 from cfjax.check.replay import check_robustness
@@ -47,7 +49,7 @@ from cfjax.simulation.starts import in_world
 from cfjax.simulation.track import track_of
 from cfjax.tubes import chain_document, library
 from cfjax.tubes.follow import Following
-from tests.by_hand import tube
+from tests.by_hand import claims, tube
 from tests.certificate.changed import answer_to
 
 
@@ -63,7 +65,7 @@ class Chain(NamedTuple):
     document: dict[str, Any]
     hints: dict[str, Any]
     report: Report
-    held: tuple[HeldTube, ...]
+    held: tuple[HeldFunnel, ...]
 
 
 def chain_of(following: Following) -> Chain:
@@ -71,11 +73,10 @@ def chain_of(following: Following) -> Chain:
     hints = robustness_document(document, workers=2)
     report = check_robustness(check_document(document), document, hints)
     assert report.outcome is Outcome.PROVEN, report.message
-    claim = read_chain(document, skip_hash=True)
-    file = read_chain_robustness(hints, str(document["hash"]), len(claim.tubes), 4)
-    bounds, held = bounds_along(claim, file.hints)
-    assert verified(file.stated, bounds) == report.robustness
-    return Chain(following, document, hints, report, held)
+    certificate = read_certificate(document)
+    file = read_robustness(hints, str(document["hash"]), certificate.claims)
+    assert verified(file.stated, bounds_over(certificate, file.hints)) == report.robustness
+    return Chain(following, document, hints, report, held_over(certificate, file.hints))
 
 
 def narrowing(gentle: float) -> Following:
@@ -99,8 +100,8 @@ def two() -> Chain:
 # --- how V comes down
 
 
-def by_hand(**changes: Any) -> HeldTube:
-    """μ = 1/m, β̲ = 0.9, β_in = 0.1, at 1 to 2 m/s in two bands."""
+def by_hand(within: Range = (fmpq(-1), fmpq(1))) -> HeldFunnel:
+    """μ = 1/m, β̲ = 0.9, β_in = 0.1, at 1 to 2 m/s in two bands, with accelerations `within`."""
     rates = Rates(
         rise=fmpq(10),
         bend=fmpq(400),
@@ -112,21 +113,18 @@ def by_hand(**changes: Any) -> HeldTube:
         decrease=SHARE,
         inner=fmpq(9, 10),
     )
-    levels = {"beta_lower": fmpq(9, 10), "beta_inner": fmpq(1, 10)}
-    own = tube(**levels, margin_per_metre=fmpq(1), inputs={"u0": (fmpq(1, 2), fmpq(1))})
-    still = fmpq(0), fmpq(0)
-    values = {
-        "tube": own,
-        "bounds": Bounds(still, (fmpq(1), fmpq(2)), (fmpq(-1), fmpq(1))),
-        "told": Told(fmpq(1), fmpq(1), shell=fmpq(9, 10), inner=fmpq(1, 10)),
-        "fastest": fmpq(1),
-        "bands": ((fmpq(1), fmpq(3, 2)), (fmpq(3, 2), fmpq(2))),
-        "rates": (rates, replace(rates, bend=fmpq(600), decrease=SHARE * fmpq(3, 2))),
-    }
-    return HeldTube(**(values | changes))
+    funnel = tube(beta_lower=fmpq(9, 10), beta_inner=fmpq(1, 10), margin_per_metre=fmpq(1)).claim
+    bounds = Bounds((fmpq(0), fmpq(0)), (fmpq(1), fmpq(2)), within)
+    return HeldFunnel(
+        funnel=funnel,
+        told=Told(fmpq(1), fmpq(1), shell=fmpq(9, 10), inner=fmpq(1, 10), bounds=bounds),
+        fastest=fmpq(1),
+        bands=((fmpq(1), fmpq(3, 2)), (fmpq(3, 2), fmpq(2))),
+        rates=(rates, replace(rates, bend=fmpq(600), decrease=SHARE * fmpq(3, 2))),
+    )
 
 
-def worst_end(own: HeldTube, way: float, amounts: Absorbed, speed: float) -> float:
+def worst_end(own: HeldFunnel, way: float, amounts: Absorbed, speed: float) -> float:
     """V after so many metres where all goes as badly as the bounds allow, hold by hold.
 
     The law sees V as it was before the delay, and less by what an error of the pose does; the speed is the given one
@@ -142,7 +140,8 @@ def worst_end(own: HeldTube, way: float, amounts: Absorbed, speed: float) -> flo
     rise = float(rates.rise) + gradient @ disturbance
     against = gradient @ disturbance + slopes @ pose_error + (float(rates.staleness) + slopes @ disturbance) * delay
     bend = float(rates.bend) + slopes @ disturbance
-    surge = float(own.bounds.acceleration[1]) * fastest * (period + delay)
+    assert own.told.bounds is not None and own.told.margin_per_metre is not None
+    surge = float(own.told.bounds.acceleration[1]) * fastest * (period + delay)
 
     value = before = 1 - unseen  # as high as it may be where an input is chosen here for the first time
     metres = (speed + surge) * fastest
@@ -156,7 +155,7 @@ def worst_end(own: HeldTube, way: float, amounts: Absorbed, speed: float) -> flo
     return value
 
 
-def assert_no_worse_than_told(own: HeldTube, amounts: Absorbed, above: float) -> None:
+def assert_no_worse_than_told(own: HeldFunnel, amounts: Absorbed, above: float) -> None:
     """For ways and speeds; what is told is close where the speed is the slowest one, which is the one that counts."""
     for way, speed in WAYS:
         told = float(own.descent(amounts).end_level(fmpq(round(1000 * way), 1000)))
@@ -170,8 +169,7 @@ WAYS = tuple(itertools.product((0.05, 0.3, 1.0, 2.0, 5.0), (1.0, 1.5, 2.0)))
 
 @pytest.mark.parametrize("period", [1e-4, 5e-4, 1e-3])
 def test_v_comes_down_no_slower_than_is_said(period: float) -> None:
-    own = by_hand()
-    own = replace(own, bounds=replace(own.bounds, acceleration=(fmpq(0), fmpq(0))))
+    own = by_hand(within=(fmpq(0), fmpq(0)))
     amounts = replace(NOTHING, period=fmpq(round(period * 10**6), 10**6))
     assert_no_worse_than_told(own, amounts, 0.03 + 60 * period)
 
@@ -186,8 +184,7 @@ def test_nor_where_everything_is_amiss_at_once(share: fmpq) -> None:
 
 def test_a_speed_that_rises_meanwhile_is_more_of_the_way() -> None:
     """By 300 m/s²: within a period and a delay the car is an eighth faster than when it looked."""
-    own = by_hand()
-    own = replace(own, bounds=replace(own.bounds, acceleration=(fmpq(-300), fmpq(300))))
+    own = by_hand(within=(fmpq(-300), fmpq(300)))
     late = replace(NOTHING, period=fmpq(1, 4000), delay=fmpq(1, 6000))
     assert_no_worse_than_told(own, late, 0.1)
 
@@ -209,7 +206,7 @@ def test_with_nothing_amiss_v_comes_down_as_in_the_certificate() -> None:
     own = by_hand()
     for way in (0.1, 0.5, 1.0, 3.0):
         exact = fmpq(round(100 * way), 100)
-        certified = own.tube.level_after(exact)
+        certified = own.funnel.level_after(exact, own.fastest)
         # slower by what a law in floating point may miss, and by steps from level to level
         assert certified <= own.descent(NOTHING).end_level(exact) <= certified + fmpq(3, 100)
 
@@ -229,13 +226,11 @@ def test_more_amiss_is_more_of_the_way() -> None:
 # --- along a real path
 
 
-def hints_of(two: Chain) -> tuple[TubeHints, ...]:
-    return read_chain_robustness(two.hints, str(two.document["hash"]), 2, 4).hints
-
-
-def period_of(claim: ChainClaim, hints: tuple[TubeHints, ...]) -> fmpq:
-    """The longest that is found for inputs to be held."""
-    return largest_amounts(bounds_along(claim, hints)[0]).alone.period
+def period_of(document: dict[str, Any], two: Chain) -> fmpq:
+    """The longest that is found for inputs to be held, by the hints for the same funnels."""
+    certificate = read_certificate(document, skip_hash=True)
+    hints = read_robustness(two.hints, str(two.document["hash"]), certificate.claims).hints
+    return largest_amounts(bounds_over(certificate, hints)).alone.period
 
 
 def test_what_is_spent_on_links_is_not_absorbed(two: Chain) -> None:
@@ -244,8 +239,7 @@ def test_what_is_spent_on_links_is_not_absorbed(two: Chain) -> None:
     assert absorbed is not None
     periods = []
     for metres in (4.6, 5.0, 8.0):
-        claim = read_chain(chain_document(narrowing(metres)), skip_hash=True)
-        periods.append(period_of(claim, hints_of(two)))  # at the same curvatures and speed
+        periods.append(period_of(chain_document(narrowing(metres)), two))  # at the same curvatures and speed
     assert 0 < periods[0] < periods[1] < periods[2] == absorbed.alone.period
     own = min(min(2 * one.decrease / one.bend for one in held.rates) for held in two.held)
     assert absorbed.alone.period < own
@@ -253,47 +247,50 @@ def test_what_is_spent_on_links_is_not_absorbed(two: Chain) -> None:
 
 def test_what_is_spent_on_g_is_not_absorbed(two: Chain) -> None:
     """G narrower than the last tube: V has to come down to it as well; the narrower it is, the less may go amiss."""
-    absorbed, last = two.report.robustness, two.held[1].tube
+    absorbed, last = two.report.robustness, two.held[1].funnel
     assert absorbed is not None
-    claim = read_chain(two.document, skip_hash=True)
     periods = []
     for level in GOALS:
-        goal = tuple(sqrt_upper(4 * level * last.inverse[i, i]) for i in range(4))  # holds {V <= level}
-        asked = replace(claim, sets=SetsClaim(inlet=(fmpq(1, 100),) * 4, goal=goal, safe=None))
-        periods.append(period_of(asked, hints_of(two)))
+        document = copy.deepcopy(two.document)
+        goal = [str(sqrt_upper(4 * level * last.inverse[i, i])) for i in range(4)]  # holds {V <= level}
+        document["problem"]["sets"]["goal"] = {"half_axes": goal}
+        periods.append(period_of(document, two))
     assert absorbed.alone.period == periods[0] > periods[1] > periods[2] > 0
 
 
-def links_of(tubes: list[HeldTube], ends: list[fmpq], closed: bool, gap: Gap) -> bool:
-    """Whether tubes that end at these levels hand over to each other with nothing amiss, at links of level 1/2."""
-    links = (fmpq(1, 2),) * (len(tubes) if closed else len(tubes) - 1)
-    claim = SimpleNamespace(levels=links, reference=SimpleNamespace(gap=gap), sets=None)
-    amounts = replace(NOTHING, period=fmpq(1, 1000))
-    return _handed_over(cast("ChainClaim", claim), tubes, ends, amounts)
+def leads_on(own: HeldFunnel, ends: list[fmpq], gap: Gap | None = None) -> bool:
+    """Whether legs in one funnel that end at these levels lead into each other, at ratios of 1/2; laps over the gap."""
+    reference = claims([own.funnel] * len(ends)).legs[0].reference
+    legs = [ProvenLeg(reference, k, k + 1, own.funnel, k) for k in range(len(ends))]
+    still = Gap(*(fmpq(0),) * 4)
+    meeting = [(one, other, still) for one, other in itertools.pairwise(legs)]
+    if gap is not None:
+        meeting.append((legs[-1], legs[0], gap))
+    joints = [Joint(*each, fmpq(1, 2)) for each in meeting]
+    return are_entered(joints, ends, [own.entry(replace(NOTHING, period=fmpq(1, 1000)))] * len(ends))
 
 
 def test_a_tube_has_to_end_as_low_as_the_next_one_is_entered() -> None:
     """Into the first one again too, where the path is a lap: there lower still, by the gap of its reference."""
-    own, none, gap = by_hand(), Gap(*(fmpq(0),) * 4), Gap(fmpq(0), fmpq(1, 100), fmpq(0), fmpq(0))
+    own, gap = by_hand(), Gap(fmpq(0), fmpq(1, 100), fmpq(0), fmpq(0))
     entry = own.entry(replace(NOTHING, period=fmpq(1, 1000)))
     assert entry == fmpq(99, 100)  # D' = 10
     bound, hair = entry / 2, fmpq(1, 10**9)
-    jump = gap.jump(own.tube.shape, own.tube.inverse)
+    jump = gap.jump(own.funnel.shape, own.funnel.inverse)
     lower = (sqrt_lower(entry) - jump) ** 2 / 2
     assert lower < bound - hair
-    two = [own, own]
-    assert links_of(two, [bound - hair, fmpq(1)], False, none)
-    assert not links_of(two, [bound + hair, fmpq(0)], False, none)
-    assert links_of(two, [bound - hair, lower - hair], True, gap)
-    assert not links_of(two, [bound - hair, lower + hair], True, gap)
-    assert not links_of(two, [bound + hair, fmpq(0)], True, gap)
-    assert not links_of([own], [fmpq(0)], True, Gap(fmpq(0), fmpq(1), fmpq(0), fmpq(0)))  # wider than the tube
+    assert leads_on(own, [bound - hair, fmpq(1)])
+    assert not leads_on(own, [bound + hair, fmpq(0)])
+    assert leads_on(own, [bound - hair, lower - hair], gap)
+    assert not leads_on(own, [bound - hair, lower + hair], gap)
+    assert not leads_on(own, [bound + hair, fmpq(0)], gap)
+    assert not leads_on(own, [fmpq(0)], Gap(fmpq(0), fmpq(1), fmpq(0), fmpq(0)))  # wider than the tube
 
 
-def states_of(own: HeldTube, level: float, rng: np.random.Generator) -> jax.Array:
+def states_of(own: HeldFunnel, level: float, rng: np.random.Generator) -> jax.Array:
     """On {V = level}."""
     y = rng.normal(size=(SAMPLES, 4))
-    shape = np.array([[float(entry) for entry in row] for row in own.tube.shape])
+    shape = np.array([[float(entry) for entry in row] for row in own.funnel.shape])
     y /= np.linalg.norm(y, axis=1, keepdims=True)
     return jnp.asarray(math.sqrt(level) * y @ np.linalg.inv(np.linalg.cholesky(shape)))
 
@@ -306,9 +303,10 @@ def inputs_of(vehicle: KinematicBicycle, timing: tuple[float, float], rng: np.ra
     return jnp.asarray(box[:, 0] + share * (box[:, 1] - box[:, 0]))
 
 
-def rates_of(vehicle: KinematicBicycle, own: HeldTube) -> Callable[[jax.Array, jax.Array], jax.Array]:
+def rates_of(vehicle: KinematicBicycle, own: HeldFunnel) -> Callable[[jax.Array, jax.Array], jax.Array]:
     """ẋ of states (k, 4) under inputs (k, 3), on the run's own curvature and speed."""
-    kappa, speed = float(own.bounds.curvature[0]), float(own.bounds.speed[0])
+    assert own.told.bounds is not None
+    kappa, speed = float(own.told.bounds.curvature[0]), float(own.told.bounds.speed[0])
     point = ReferencePoint(kappa * speed, speed, 0.0, 0.0)
 
     def rate(x: jax.Array, u: jax.Array) -> jax.Array:
@@ -317,8 +315,8 @@ def rates_of(vehicle: KinematicBicycle, own: HeldTube) -> Callable[[jax.Array, j
     return rate
 
 
-def level_of(own: HeldTube, x: jax.Array) -> np.ndarray:
-    shape = np.array([[float(entry) for entry in row] for row in own.tube.shape])
+def level_of(own: HeldFunnel, x: jax.Array) -> np.ndarray:
+    shape = np.array([[float(entry) for entry in row] for row in own.funnel.shape])
     return np.einsum("ki,ij,kj->k", np.asarray(x), shape, np.asarray(x))
 
 
@@ -346,7 +344,7 @@ def test_bounds_are_those_of_the_car_that_drives(car: tuple[float, float, float]
     vehicle, rng = KinematicBicycle(*car), np.random.default_rng(1)
     found = chain_of(cfjax.follow(cfjax.circle(1.0, 0.8), vehicle=vehicle))
     (own,) = found.held
-    rate, shape = rates_of(vehicle, own), jnp.asarray([[float(entry) for entry in row] for row in own.tube.shape])
+    rate, shape = rates_of(vehicle, own), jnp.asarray([[float(entry) for entry in row] for row in own.funnel.shape])
     x, u = states_of(own, 1.0, rng), inputs_of(vehicle, (0.5, 2.0), rng)
 
     def rising(x: jax.Array) -> jax.Array:
@@ -367,13 +365,13 @@ def test_cars_stay_in_both_tubes_at_the_proven_period(two: Chain) -> None:
     problem = Problem(following.path, inlet=ball(0.2), goal=ball(0.5))
     legs = []
     for stretch, own in zip(following.tubes, two.held, strict=True):
-        shape = np.array([[float(entry) for entry in row] for row in own.tube.shape])
-        levels = float(own.tube.beta_lower), float(own.tube.beta_inner)
+        shape = np.array([[float(entry) for entry in row] for row in own.funnel.shape])
+        levels = float(own.funnel.beta_lower), float(own.funnel.beta_inner)
         funnel = Funnel(template_named("contracting"), shape, 0.0, math.inf, *levels)
         along = Tube(
-            *(Interval(*map(float, getattr(own.bounds, name))) for name in ("curvature", "speed", "acceleration"))
+            *(Interval(*map(float, getattr(own.told.bounds, name))) for name in ("curvature", "speed", "acceleration"))
         )
-        legs.append(Leg(stretch.end, funnel, float(own.told.margin), float(own.told.margin_per_metre), along))
+        legs.append(Leg(stretch.end, funnel, float(own.told.margin), float(own.told.margin_per_metre or 0), along))
     track, period = track_of(problem, legs), float(absorbed.alone.period)
     x = states_of(two.held[0], 1 - 1e-9, np.random.default_rng(2))[:16]
     starts = in_world(track, x)
@@ -398,21 +396,21 @@ def test_cars_stay_in_both_tubes_at_the_proven_period(two: Chain) -> None:
 def test_what_is_told_of_the_path_is_looked_at(two: Chain) -> None:
     sentence = two.report.message
     assert "for every curvature and acceleration of the bounds at once, one of the following" in sentence
-    assert "; tube 0: lambda = " in sentence
+    assert "; funnel 0: lambda = " in sentence
     assert "whatever the path does meanwhile" in sentence
 
     own = {"report": check_document(two.document), "document": two.document, "hints": two.hints}
     answer = partial(answer_to, **own)
 
     def bounds(index: int, name: str, ends: list[str]) -> Callable[[dict], None]:
-        return lambda hints: hints["tubes"][index]["bounds"].update({name: ends})
+        return lambda hints: hints["funnels"][index]["bounds"].update({name: ends})
 
     assert answer(lambda hints: None)[0] is Outcome.PROVEN
     spoiled = {
-        "leaves the bounds that are told of it in tube 0": bounds(0, "curvature", ["1/4", "1/3"]),
-        "wider than tube 1": bounds(1, "curvature", ["9/5", "3"]),
+        "leaves the bounds that are told of it in funnel 0": bounds(0, "curvature", ["1/4", "1/3"]),
+        "wider than funnel 1": bounds(1, "curvature", ["9/5", "3"]),
         "bands of speed": bounds(0, "speed", ["1/2", "2"]),
-        "have to cover": lambda hints: hints["tubes"][1]["bands"][0]["levels"][0]["cells"].pop(),
+        "have to cover": lambda hints: hints["funnels"][1]["stretches"][0]["levels"][0]["cells"].pop(),
         "hints for another certificate": lambda hints: hints.update(certificate="0" * 64),
         "do not allow the period": lambda hints: hints["amounts"]["alone"].update(period="1/50"),
         "expected amounts for 0 bands": lambda hints: hints["amounts"]["by_speed"].append(hints["amounts"]["alone"]),
@@ -420,5 +418,5 @@ def test_what_is_told_of_the_path_is_looked_at(two: Chain) -> None:
     for reason, change in spoiled.items():
         outcome, message = answer(change)
         assert outcome is Outcome.BROKEN and reason in message, message
-    assert answer(lambda hints: hints["tubes"].pop())[0] is Outcome.UNREADABLE
-    assert answer(lambda hints: hints.update(funnels=hints.pop("tubes")))[0] is Outcome.UNREADABLE
+    assert answer(lambda hints: hints["funnels"].pop())[0] is Outcome.UNREADABLE
+    assert answer(lambda hints: hints["funnels"][0].update(bounds=None))[0] is Outcome.UNREADABLE
