@@ -20,6 +20,7 @@ PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}
 SAMPLES = 64  # Chebyshev nodes
 WIDENING = fmpq(1, 1000)  # of the range, so that it stays valid under small changes of the funnel
 RANGE_BITS = 16
+ROOM = fmpq(1, 2**20)  # relative, of the bound: for a checker that bounds otherwise
 COEFFICIENT_BITS = 26
 
 
@@ -34,7 +35,8 @@ def enclose(function: str, argument: Enclosure, degrees: Mapping[str, int] = DEG
     low = fmpq(math.floor((lower - spare) * 2**RANGE_BITS), 2**RANGE_BITS)
     high = fmpq(math.ceil((upper + spare) * 2**RANGE_BITS), 2**RANGE_BITS)
     coefficients = fit(function, low, high, degrees[function])
-    return UnaryEnclosure(function, coefficients, low, high, proven_bound(function, coefficients, low, high))
+    bound = proven_bound(function, coefficients, low, high) * (1 + ROOM)
+    return UnaryEnclosure(function, coefficients, low, high, bound)
 
 
 def fit(function: str, lower: fmpq, upper: fmpq, degree: int | None = None) -> tuple[fmpq, ...]:
