@@ -28,6 +28,7 @@ from cfjax.funnel import Template
 from cfjax.funnel.conditions import chain_excess, decrease_margins
 from cfjax.funnel.instance import Chain, Instance
 from cfjax.problem import ReferencePoint, Vehicle, affine_deviation
+from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.problem.vehicle import Scalar
 from cfjax.traced import traced
 
@@ -110,7 +111,7 @@ def duel(
 ) -> Outcome:
     """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
     numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
-    moved = traced(_run, vehicle, template)(chain, numbers, scale, factor, change, *particles)
+    moved = traced(_run, traced_vehicle(vehicle), template)(chain, numbers, scale, factor, change, *particles)
     factor, change, points, margins = map(np.asarray, moved)
     return Outcome(factor, change, particles._replace(points=points), margins)
 
@@ -208,7 +209,9 @@ def ridge_coordinates(vehicle: Vehicle, chain: Chain) -> Float[np.ndarray, " n"]
     """
     unit = np.asarray(chain.funnels.inlet)[0]
     probes = np.random.default_rng(0).normal(size=(8, len(unit))) * unit[None, :]
-    columns = traced(_columns, vehicle)(probes, jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal))
+    columns = traced(_columns, traced_vehicle(vehicle))(
+        probes, jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal)
+    )
     ridges = np.zeros(len(unit))
     for column in np.abs(np.asarray(columns)).max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column > 1e-12) == 1:

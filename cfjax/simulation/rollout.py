@@ -23,6 +23,7 @@ from cfjax.control.legs import MEETS, leg_arrays
 from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Problem, Vehicle
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
+from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.result import ClosedLoop, Rollouts
 from cfjax.simulation.clearance import Surroundings, clearance, surroundings
 from cfjax.simulation.loop import (
@@ -249,7 +250,7 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
     every = math.ceil(limit / MOST_ROWS)
     # an array that did not fit says so here; NumPy would end the process
     starts = jax.block_until_ready(sample_starts(jax.random.key(seed), problem.inlet, cars))
-    program = traced(drive, problem.vehicle, template, law, MOST_ROWS + 1, max(1, cars // RECORDED))
+    program = traced(drive, traced_vehicle(problem.vehicle), template, law, MOST_ROWS + 1, max(1, cars // RECORDED))
     shares = 2 if cars >= SHARED and cars % 2 == 0 else 1
     return _Asked(
         program, [(table, profiles, around, own, limit, every) for own in np.split(np.asarray(starts), shares)]
