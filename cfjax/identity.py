@@ -15,15 +15,12 @@ import numpy as np
 from jax.extend import core
 
 
-CALLS = ("jit", "pjit", "closed_call")  # beside the jaxpr they say where it runs, not what
+CALLS = ("jit", "pjit")  # beside the jaxpr they say where it runs, not what
 PRIMITIVES = frozenset(id(each) for each in vars(core.primitives).values())  # JAX's own: another one may change
 
 
 def identity(value: object) -> str | None:
-    """Text that is the same for equal values, in every process; None where it depends on code from elsewhere.
-
-    Fields that do not count in comparisons do not count here.
-    """
+    """Text that is the same for equal values, in every process; None where it depends on code from elsewhere."""
     if value is None or isinstance(value, bool | int | float | str | np.dtype):
         return repr(value)
     if isinstance(value, tuple):
