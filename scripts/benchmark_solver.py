@@ -20,7 +20,8 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
@@ -162,18 +163,13 @@ def row_of(name: str, size: int, stacks: Sequence[int], limit: float) -> Row:
     process = processes.Process(target=measure, args=(name, size, stacks, deadline, theirs), daemon=True)
     process.start()
     theirs.close()
-    found = list(_reported(ours, deadline))
+    found = []
+    with suppress(EOFError):  # it broke down
+        while ours.poll(max(0.0, deadline - time.time())) and (told := ours.recv()) is not None:
+            found.append(told)
     process.kill()
     process.join()
     return Row(found[0] if found else None, dict(found[1:]))
-
-
-def _reported(report: Connection, deadline: float) -> Iterator:
-    try:
-        while report.poll(max(0.0, deadline - time.time())) and (found := report.recv()) is not None:
-            yield found
-    except EOFError:  # it broke down
-        return
 
 
 def wrong(margins: Sequence[float] | None, reference: Sequence[float] | None, size: int) -> str:
