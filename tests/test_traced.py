@@ -17,7 +17,9 @@ from cfjax.falsifier.duel import Schedule
 from cfjax.funnel.conditions import shell_points
 from cfjax.identity import identity
 from cfjax.problem import KinematicBicycle
+from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.traced import FOLDER, traced
+from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
 
 
@@ -140,6 +142,14 @@ def test_code_from_elsewhere_has_no_name(cache: Path) -> None:
     assert identity(lambda: None) is None
     traced(doubled, Unicycle())((np.arange(3), 7))
     assert not cache.exists()
+
+
+def test_another_process_finds_a_program_of_a_vehicle_from_elsewhere() -> None:
+    for vehicle in (SteeredCar(), SteeredCar(), SteeredCar(wheelbase=0.4)):
+        traced(doubled, traced_vehicle(vehicle))((np.arange(3), 7))
+        traced.cache_clear()
+        traced_vehicle.cache_clear()
+    assert len(calls) == 2
 
 
 def drawn(value: jax.Array) -> jax.Array:
