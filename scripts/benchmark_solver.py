@@ -196,7 +196,7 @@ def draw(lines: Sequence[str], picture: Path) -> None:
         axes.loglog(stacks, known, STYLES[name], marker="o", ms=3, color=color, label=label)
     axes.set(xlabel="programs in a stack", ylabel="programs a second")
     axes.grid(alpha=0.3)
-    axes.legend(fontsize="x-small", ncols=2)
+    axes.legend(fontsize="x-small", ncols=2, handlelength=4)
     figure.savefig(picture, dpi=160)
 
 
