@@ -3,12 +3,13 @@
 JAX keeps what it has compiled, but traces and lowers each program anew in every process, which takes longer than to
 run the largest ones. Here the lowered program is kept too, as `jax.export` serialises it. It is found again only by the
 same code: its name holds a hash of every source file of the package, of the versions of JAX and of the shapes of the
-arguments. Programs with parts from elsewhere, a vehicle of the user's own, say, are traced as always.
+arguments, and what their static arguments are (`cfjax.identity`). Programs with parts that have no such text, a law of
+the user's own, say, are traced as always. A vehicle of the user's own has one as JAX traces it
+(`cfjax.problem.traced_vehicle`).
 
 A program is compiled once, however many threads ask for it: whoever comes while it is being made waits for it.
 """
 
-import dataclasses
 import hashlib
 import os
 import sys
@@ -20,12 +21,13 @@ from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
-from types import FunctionType
 from typing import Any
 
 import jax
 import numpy as np
 from jax import export
+
+from cfjax.identity import identity
 
 
 PACKAGE = Path(__file__).parent
@@ -122,20 +124,3 @@ def source_hash() -> str:
     for file in sorted(PACKAGE.rglob("*.py")):
         digest.update(f"{file.relative_to(PACKAGE)} ".encode() + file.read_bytes())
     return digest.hexdigest()
-
-
-def identity(value: object) -> str | None:
-    """Text that is the same for equal values, in every process; None where it depends on code from elsewhere."""
-    if value is None or isinstance(value, bool | int | float | str):
-        return repr(value)
-    if isinstance(value, tuple):
-        parts = [identity(each) for each in value]
-        return None if None in parts else f"({', '.join(map(str, parts))})"
-    kind = value if isinstance(value, type | FunctionType) else type(value)
-    if kind.__module__.partition(".")[0] != __name__.partition(".")[0] or "<locals>" in kind.__qualname__:
-        return None
-    if kind is value:
-        return f"{kind.__module__}.{kind.__qualname__}"
-    fields = [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else vars(value)
-    own = identity(tuple((name, getattr(value, name)) for name in fields))
-    return None if own is None else f"{kind.__module__}.{kind.__qualname__}{own}"

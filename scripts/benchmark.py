@@ -99,6 +99,7 @@ class Side:
         arguments = [here["CIRCLE"] if argument == "CIRCLE" else argument for argument in arguments]
         package = os.pathsep.join([str(self.tree), os.environ.get("PYTHONPATH", "")])
         environment = {**os.environ, "PYTHONPATH": package, "JAX_COMPILATION_CACHE_DIR": str(cache)}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # users' Python keeps what it has compiled
         with (folder.parent / "output").open("w+") as output:
             begin = time.perf_counter()
             process = subprocess.Popen(

@@ -1,27 +1,34 @@
 """Sums-of-squares programs a second, by size of the stack and of the programs: a table and a picture, no test.
 
-    .venv/bin/python scripts/benchmark_solver.py [--stacks 1 10 100] [--budget 60] [--picture FILE]
+    .venv/bin/python scripts/benchmark_solver.py [--sizes 70 210] [--solvers clarabel batched] [--stacks 1 10 100]
+        [--limit 120] [--table FILE] [--picture FILE]
 
 Random polynomials on the unit ball, cut by three random half-spaces: four, five and six variables, whose identity has
 U = 70, 210, 462 or 924 coefficients. `batched` and `clarabel` are the solvers of the package. SDPA (through CVXPY, from
 the package sdpa-python) and Drake with its Clarabel (drake) are tried where they are installed: they pose the same
-program. A stack that would take longer than the budget (s), by the rate of the one before, is left out.
-Programs are compiled before the clock starts. "wrong" counts margins that are off by more than 1e-4 of the target from
-those of `clarabel`, and programs without an answer, among the first three.
+program.
+
+Each row of the table is a process of its own, without output, and has `limit` s: a stack that would take longer than
+is left, by the rate of the one before, is left out, and what runs then all the same is ended. A row is printed when it
+is complete, and appended to the table's file. The picture shows all rows of that file, so that sizes may be measured
+one by one. Programs are compiled before the clock of a stack starts. "wrong" counts margins that are off by more than
+1e-4 of the target from those of `clarabel`, and programs without an answer, among the first three.
 """
 
 import argparse
+import multiprocessing
 import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import matplotlib.pyplot as plt
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from cfjax.check.program import monomials
 from cfjax.solver import Program, solver_named
@@ -113,53 +120,126 @@ def drake() -> Solve:
     return lambda programs: [one(program) for program in programs]
 
 
+SOLVERS: dict[str, Callable[[], Solve]] = {
+    "clarabel": lambda: own("clarabel"),
+    "batched": lambda: own("batched"),
+    "SDPA": sdpa,
+    "Drake": drake,
+}
+STYLES = {"batched": "-", "clarabel": "--", "SDPA": ":", "Drake": "-."}
+
+
+def measure(name: str, size: int, stacks: Sequence[int], deadline: float, report: Connection) -> None:
+    """Reports margins of the first programs (NaN: no answer), then pairs of a stack and its rate, then None."""
+    silence = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silence, 1)
+    os.dup2(silence, 2)
+    solve = SOLVERS[name]()
+    report.send(solve(programs_of(size, COMPARED)))  # compiles, too
+    rate = np.inf
+    for stack in stacks:
+        if time.time() + stack / rate > deadline:
+            break
+        programs = programs_of(size, stack)
+        begin = time.perf_counter()
+        solve(programs)
+        rate = stack / (time.perf_counter() - begin)
+        report.send((stack, rate))
+    report.send(None)
+
+
+class Row(NamedTuple):
+    """Of one solver and one U: margins of the first programs, and programs a second by size of the stack."""
+
+    margins: Sequence[float] | None
+    rates: dict[int, float]
+
+
+def row_of(name: str, size: int, stacks: Sequence[int], limit: float) -> Row:
+    """What a process reports within so many seconds."""
+    deadline = time.time() + limit
+    processes = multiprocessing.get_context("spawn")
+    ours, theirs = multiprocessing.Pipe(duplex=False)
+    process = processes.Process(target=measure, args=(name, size, stacks, deadline, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    found = []
+    with suppress(EOFError):  # it broke down
+        while ours.poll(max(0.0, deadline - time.time())) and (told := ours.recv()) is not None:
+            found.append(told)
+    process.kill()
+    process.join()
+    return Row(found[0] if found else None, dict(found[1:]))
+
+
+def wrong(margins: Sequence[float] | None, reference: Sequence[float] | None, size: int) -> str:
+    """How many margins are off; "–" where there is nothing to compare."""
+    if margins is None or reference is None:
+        return "–"
+    scale = np.array([np.abs(program.target).max() for program in programs_of(size, COMPARED)])
+    return str(int((~(np.abs(np.subtract(margins, reference)) <= AGREE * scale)).sum()))
+
+
+def cells(line: str) -> list[str]:
+    """Of a line of the table."""
+    return [cell.strip() for cell in line.strip("| ").split(" | ")]
+
+
+def draw(lines: Sequence[str], picture: Path) -> None:
+    """Programs a second over the stack's size, from the lines of a table: its head, a rule, and rows."""
+    stacks = list(map(int, cells(lines[0])[2:-1]))
+    figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+    for line in lines[2:]:
+        size, name, *rates, _ = cells(line)
+        known = [float("nan" if rate == "–" else rate) for rate in rates]
+        color, label = f"C{list(SHAPES).index(int(size))}", f"{name}, U = {size}"
+        axes.loglog(stacks, known, STYLES[name], marker="o", ms=3, color=color, label=label)
+    axes.set(xlabel="programs in a stack", ylabel="programs a second")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="x-small", ncols=2, handlelength=4)
+    figure.savefig(picture, dpi=160)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--stacks", type=int, nargs="+", default=[1, 10, 100, 1000, 10_000], help="programs at a time")
     parser.add_argument("--sizes", type=int, nargs="+", default=list(SHAPES), choices=SHAPES, help="U")
-    parser.add_argument("--budget", type=float, default=60.0, help="s, the most for a stack (60)")
+    parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=SOLVERS, help="all unless given")
+    parser.add_argument("--limit", type=float, default=120.0, help="s, the most for a row (120)")
+    parser.add_argument("--table", type=Path, help="a file to which the rows are appended")
     parser.add_argument("--picture", type=Path, help="a file for the picture")
     arguments = parser.parse_args()
-    if min(arguments.stacks) < 1 or not arguments.budget > 0:
-        parser.error("expected stacks of 1 or more and a budget above 0 s")
-    solvers: dict[str, Solve] = {}
-    makers = {"batched": lambda: own("batched"), "clarabel": lambda: own("clarabel"), "SDPA": sdpa, "Drake": drake}
-    for name, make in makers.items():
-        try:
-            solvers[name] = make()
-        except ImportError as error:
-            print(f"{name} is left out: {error}", file=sys.stderr)
+    if min(arguments.stacks) < 1 or not arguments.limit > 0:
+        parser.error("expected stacks of 1 or more and a limit above 0 s")
     stacks = sorted(set(arguments.stacks))
-    table = Table("U", "solver", *map(str, stacks), "wrong", title="programs a second", box=None)
-    figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+    head = ["U", "solver", *map(str, stacks), "wrong"]
+    lines = arguments.table.read_text().splitlines() if arguments.table and arguments.table.exists() else []
+    if lines and cells(lines[0]) != head:
+        parser.error(f"--table: expected a file with the columns {', '.join(head)}, got {', '.join(cells(lines[0]))}")
+
+    def told(*row: str) -> None:
+        line = f"| {' | '.join(row)} |"
+        print(line, flush=True)
+        if arguments.table:
+            with arguments.table.open("a") as file:
+                file.write(f"{line}\n")
+        lines.append(line)
+
+    if not lines:
+        told(*head)
+        told(*["---"] * len(head))
     for size in arguments.sizes:
-        programs = programs_of(size, max(COMPARED, stacks[-1]))
-        reference = np.array(solvers["clarabel"](programs[:COMPARED]))
-        for name, solve in solvers.items():
-            few = np.array(solve(programs[:COMPARED]))  # compiles, too
-            scale = np.array([np.abs(program.target).max() for program in programs[:COMPARED]])
-            wrong = int((~(np.abs(few - reference) <= AGREE * scale)).sum())
-            rates: dict[int, float] = {}
-            for stack in stacks:
-                if rates and stack / rates[max(rates)] > arguments.budget:
-                    break
-                begin = time.perf_counter()
-                solve(programs[:stack])
-                rates[stack] = stack / (time.perf_counter() - begin)
-                print(f"U = {size}, {name}: {stack} at {rates[stack]:.3g} a second", file=sys.stderr)
-            cells = [f"{rates[stack]:.3g}" if stack in rates else "–" for stack in stacks]
-            table.add_row(str(size), name, *cells, str(wrong))
-            style = {"batched": "-", "clarabel": "--", "SDPA": ":", "Drake": "-."}[name]
-            color = f"C{list(SHAPES).index(size)}"
-            axes.loglog(
-                list(rates), list(rates.values()), style, marker="o", ms=3, color=color, label=f"{name}, U={size}"
-            )
-    Console().print(table)
+        reference = None
+        for name in arguments.solvers:
+            row = row_of(name, size, stacks, arguments.limit)
+            if row.margins is None:
+                print(f"U = {size}, {name}: no answer within {arguments.limit:g} s, or not installed", file=sys.stderr)
+                continue
+            reference = row.margins if name == "clarabel" else reference
+            rates = [f"{row.rates[stack]:.3g}" if stack in row.rates else "–" for stack in stacks]
+            told(str(size), name, *rates, wrong(row.margins, reference, size))
     if arguments.picture:
-        axes.set(xlabel="programs in a stack", ylabel="programs a second")
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize="x-small", ncols=2)
-        figure.savefig(arguments.picture, dpi=160)
+        draw(lines, arguments.picture)
     return 0
 
 

@@ -1,6 +1,6 @@
 """Programs that are traced once per machine."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,13 +9,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.extend.core import ClosedJaxpr
 
 import cfjax.traced
 from cfjax.control import MinNorm
 from cfjax.falsifier.duel import Schedule
 from cfjax.funnel.conditions import shell_points
+from cfjax.identity import identity
 from cfjax.problem import KinematicBicycle
-from cfjax.traced import FOLDER, identity, traced
+from cfjax.problem.traced_vehicle import traced_vehicle
+from cfjax.traced import FOLDER, traced
+from experiments.vehicles.steered_car import SteeredCar
 from experiments.vehicles.unicycle import Unicycle
 
 
@@ -138,3 +142,54 @@ def test_code_from_elsewhere_has_no_name(cache: Path) -> None:
     assert identity(lambda: None) is None
     traced(doubled, Unicycle())((np.arange(3), 7))
     assert not cache.exists()
+
+
+def test_another_process_finds_a_program_of_a_vehicle_from_elsewhere() -> None:
+    for vehicle in (SteeredCar(), SteeredCar(), SteeredCar(wheelbase=0.4)):
+        traced(doubled, traced_vehicle(vehicle))((np.arange(3), 7))
+        traced.cache_clear()
+        traced_vehicle.cache_clear()
+    assert len(calls) == 2
+
+
+def drawn(value: jax.Array) -> jax.Array:
+    return jax.random.uniform(jax.random.key(0)) * value
+
+
+def called_back(value: jax.Array) -> jax.Array:
+    return jax.pure_callback(np.sin, value, value)
+
+
+@jax.custom_jvp
+def own_slope(value: jax.Array) -> jax.Array:
+    return 2 * value
+
+
+own_slope.defjvp(lambda primals, tangents: (own_slope(*primals), 3 * tangents[0]))
+
+
+def jaxpr_of(function: Callable, *shapes: tuple[int, ...]) -> ClosedJaxpr:
+    return jax.make_jaxpr(function)(*(jnp.zeros(shape) for shape in shapes or [()]))
+
+
+def test_a_jaxpr_is_told_by_what_it_does() -> None:
+    def program(factor: float, table: list[float]) -> ClosedJaxpr:
+        return jaxpr_of(lambda v: jnp.where(v > 0, jnp.sin(factor * v), v**2) + jnp.asarray(table) @ jnp.ones(2))
+
+    first = identity(program(0.1, [1.0, 2.0]))
+    assert first is not None
+    assert first == identity(program(0.1, [1.0, 2.0]))
+    assert first != identity(program(np.nextafter(0.1, 1), [1.0, 2.0]))
+    assert first != identity(program(0.1, [1.0, np.nextafter(2.0, 3)]))
+    others = [lambda v: v**2, lambda v: v**3, jnp.sin, jnp.cos, lambda v: -v + 0 * 1.0]
+    assert len({identity(jaxpr_of(each)) for each in others}) == len(others)
+    assert identity(jaxpr_of(jnp.sin)) != identity(jaxpr_of(jnp.sin, (2,)))
+    swapped = jaxpr_of(lambda a, b: a - b, (), ()), jaxpr_of(lambda a, b: b - a, (), ())
+    assert identity(swapped[0]) != identity(swapped[1])
+    branches = [jaxpr_of(lambda v, k=k: jax.lax.cond(v > 0, lambda: v, lambda: k * v)) for k in (1.0, 2.0)]
+    assert None not in map(identity, branches) and identity(branches[0]) != identity(branches[1])
+
+
+@pytest.mark.parametrize("function", [drawn, called_back, own_slope])
+def test_what_a_jaxpr_does_not_say_whole_has_no_text(function: Callable) -> None:
+    assert identity(jaxpr_of(function)) is None

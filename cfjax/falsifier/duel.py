@@ -28,6 +28,7 @@ from cfjax.funnel import Template
 from cfjax.funnel.conditions import chain_excess, decrease_margins
 from cfjax.funnel.instance import Chain, Instance
 from cfjax.problem import ReferencePoint, Vehicle, affine_deviation
+from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.problem.vehicle import Scalar
 from cfjax.traced import traced
 
@@ -108,10 +109,12 @@ def duel(
     change: Float[np.ndarray, "r f"],
     particles: Particles,
 ) -> Outcome:
-    """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
+    """Run the schedule for all candidates, in two shares at once; `scale` is the spread of each one's margins, 1/s."""
     numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
-    moved = traced(_run, vehicle, template)(chain, numbers, scale, factor, change, *particles)
-    factor, change, points, margins = map(np.asarray, moved)
+    program, shares = traced(_run, traced_vehicle(vehicle), template), 1 + (len(factor) % 2 == 0)
+    cut = zip(*(np.split(each, shares) for each in (scale, factor, change, *particles)), strict=True)
+    moved = program.side_by_side([(chain, numbers, *own) for own in cut])
+    factor, change, points, margins = map(np.concatenate, zip(*moved, strict=True))
     return Outcome(factor, change, particles._replace(points=points), margins)
 
 
@@ -208,7 +211,9 @@ def ridge_coordinates(vehicle: Vehicle, chain: Chain) -> Float[np.ndarray, " n"]
     """
     unit = np.asarray(chain.funnels.inlet)[0]
     probes = np.random.default_rng(0).normal(size=(8, len(unit))) * unit[None, :]
-    columns = traced(_columns, vehicle)(probes, jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal))
+    columns = traced(_columns, traced_vehicle(vehicle))(
+        probes, jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal)
+    )
     ridges = np.zeros(len(unit))
     for column in np.abs(np.asarray(columns)).max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column > 1e-12) == 1:

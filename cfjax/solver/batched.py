@@ -150,14 +150,13 @@ class Batched:
 
     def solve(self, programs: Sequence[Program]) -> list[Solution]:
         """A solution for each program; those of one shape are solved together."""
-        with threadpool_limits(
-            1, user_api="blas"
-        ):  # threads of LAPACK for matrices this small only wait for each other
+        with _single_threaded():
             return self._solved(programs)
 
     def prepare(self, shape: Shape) -> None:
         """Compile for programs of this shape, once: whoever solves one meanwhile waits for it."""
-        layout, lanes = _layout(*shape), _lanes()
+        with _single_threaded():
+            layout, lanes = _layout(*shape), _lanes()
         count = len(layout.space.values)
         stacks = tuple(np.zeros((size, count)) for size in layout.sizes)
         empty = _Posed(stacks, np.zeros(count), np.zeros(count), np.zeros(()))
@@ -186,6 +185,11 @@ class Batched:
                 return list(pool.map(partial(_alone, layout), programs))
         chunks = [programs[begin : begin + lanes] for begin in range(0, len(programs), lanes)]
         return [solution for chunk in chunks for solution in _together(layout, chunk, lanes)]
+
+
+def _single_threaded() -> threadpool_limits:
+    """Threads of LAPACK for matrices this small only wait for each other."""
+    return threadpool_limits(1, user_api="blas")
 
 
 def _lanes() -> int:

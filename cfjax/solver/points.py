@@ -7,7 +7,7 @@ by values (Papp & Yıldız 2019), a basis is orthonormal on the points.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
 
 import numpy as np
 from jaxtyping import Float
@@ -22,8 +22,9 @@ SEED = 0
 
 def vandermonde(points: Float[np.ndarray, "u n"], degree: int) -> Float[np.ndarray, "u r"]:
     """Values of the monomials up to a degree."""
-    exponents = np.array(monomials(points.shape[1], degree))
-    return np.prod(points[:, None, :] ** exponents, axis=2)
+    powers = points.T[:, None, :] ** np.arange(degree + 1)[:, None]
+    factors = zip(powers, np.array(monomials(points.shape[1], degree)).T, strict=True)
+    return reduce(np.multiply, (own[exponents] for own, exponents in factors)).T.copy()
 
 
 @dataclass(frozen=True, eq=False)  # compared as objects: there is one of a kind

@@ -17,7 +17,7 @@ from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap
 from cfjax.control.law import LAW_SHARE
 from cfjax.exact import exact_reference
-from cfjax.tubes.follow import needed_distance
+from cfjax.tubes.choice import needed_distance
 from tests.by_hand import ONE, TINY, ZERO, bounds, claims, funnel, stated, tube
 
 

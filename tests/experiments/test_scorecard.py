@@ -45,14 +45,25 @@ def test_a_job_is_measured(tmp_path: Path) -> None:
     assert 10 < figures["peak memory"] < 1e5
 
 
-@pytest.mark.usefixtures("scripts")
-def test_solvers_are_compared(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, tmp_path: Path) -> None:
+def compare(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
     import benchmark_solver
 
-    picture = tmp_path / "throughput.png"
-    monkeypatch.setattr(sys, "argv", ["", "--sizes", "70", "--stacks", "1", "--picture", str(picture)])
-    monkeypatch.setattr(benchmark_solver, "COMPARED", 2)
+    monkeypatch.setattr(sys, "argv", ["", *arguments])
     assert benchmark_solver.main() == 0
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert [line[-1] for line in lines if line[1:2] in (["batched"], ["clarabel"])] == ["0", "0"]
+
+
+@pytest.mark.usefixtures("scripts")
+def test_solvers_are_compared(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, tmp_path: Path) -> None:
+    """Row by row, into a file too, from which the picture is drawn."""
+    picture, table = tmp_path / "throughput.png", tmp_path / "table.md"
+    asked = ["--sizes", "70", "--stacks", "1", "2", "--table", str(table)]
+    compare(monkeypatch, *asked, "--solvers", "clarabel", "batched")
+    printed = capsys.readouterr().out
+    assert table.read_text() == printed
+    rows = [line.strip("| ").split(" | ") for line in printed.splitlines()[2:]]
+    assert [(row[:2], row[-1]) for row in rows] == [(["70", "clarabel"], "0"), (["70", "batched"], "0")]
+    assert all(float(rate) > 0 for row in rows for rate in row[2:-1])
+    compare(monkeypatch, *asked, "--solvers", "batched", "--limit", "0.01", "--picture", str(picture))
+    out, said = capsys.readouterr()
+    assert out == "" and "U = 70, batched: no answer within 0.01 s" in said
     assert picture.stat().st_size > 1000

@@ -9,6 +9,7 @@ from cfjax.falsifier.duel import Schedule, _run
 from cfjax.funnel import TEMPLATES
 from cfjax.learner import learn
 from cfjax.problem import Box, Ellipsoid, Method, Problem, ball, circle, straight
+from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.traced import traced
 
 
@@ -42,7 +43,7 @@ def test_one_program_serves_every_path_and_method() -> None:
     template, sizes = TEMPLATES["paper"], []
     for problem in (Problem(circle(), safe=S), Problem(straight(), method=Method.TT), Problem(circle(speed=3.0))):
         learn(problem, template)
-        sizes.append(len(traced(_run, problem.vehicle, template).programs))
+        sizes.append(len(traced(_run, traced_vehicle(problem.vehicle), template).programs))
     assert sizes[0] == sizes[1] == sizes[2]
 
 

@@ -161,6 +161,12 @@ def test_single_precision_is_refused_loudly() -> None:
         jax.config.update("jax_enable_x64", True)
 
 
+def test_monomials_are_evaluated() -> None:
+    values = vandermonde(np.array([[2.0, 3.0], [0.0, -1.0]]), 2)
+    expected = [[np.prod(np.power(point, exponents)) for exponents in monomials(2, 2)] for point in ([2, 3], [0, -1])]
+    np.testing.assert_array_equal(values, expected)
+
+
 def test_points_determine_polynomials() -> None:
     for variables, degree in ((2, 6), (4, 6), (5, 4)):
         own = space(variables, degree)
