@@ -81,7 +81,6 @@ def _fields(result: Result) -> dict[str, str]:
     period = result.robustness.alone.period if result.robustness else 0.0
     rings = rings_of(shapely.simplify(plane.funnel, NEAR))
     return {
-        "certificate": str((result.document or {}).get("hash", "without a hash")),
         "proven_period": rounded_down(period),
         "proven": f"at most {rounded_down(period)} s" if period else "nothing",
         "period": format(Decimal(rounded_down(min(period, SLOWEST) or SLOWEST, 2)), "f"),  # YAML 1.1 has no 1e-05

@@ -307,7 +307,7 @@ def test_nothing_is_guaranteed_where_no_period_is_proven(package: Package) -> No
         ({"longest_silence": math.nan}, "longest_silence: expected s"),
         ({"stop_beyond": 0.5}, "stop_beyond: expected a value of V"),
         ({"rear_axle": math.inf}, "rear_axle: expected m"),
-        ({"speed_horizon": 0.0}, "speed_horizon: expected s"),
+        ({"speed_horizon": 0.001}, "speed_horizon: expected s, at least the period"),
     ],
 )
 def test_parameters_are_checked(package: Package, changes: dict[str, object], says: str) -> None:

@@ -1,7 +1,8 @@
 // The world around the node: a kinematic car that does what it is told, odometry, and somebody who writes it all down.
 //
-// Arguments, name=value: x, y (m), yaw (rad), speed (m/s) of the rear axle, wheelbase (m), steps; age (s) and frame_id of the odometry,
-// silent_from and silent_until (s), between which it is silent; moved_at (s), when the car is put 30 m away.
+// Arguments, name=value: x, y (m), yaw (rad), speed (m/s) of the rear axle, wheelbase (m), steps; age (s) and frame_id
+// of the odometry, silent_from and silent_until (s), between which it is silent; moved_at (s), when the car is put 30 m
+// away.
 // A line per step: what the car was, what it was told, what the diagnostics said last.
 #include <algorithm>
 #include <array>
@@ -19,7 +20,8 @@ double number(const std::string &name) { return std::stod(stand_in::argument(nam
 
 Car rate(const Car &car, double steering, double acceleration, double wheelbase)
 {
-    return {car[3] * std::cos(car[2]), car[3] * std::sin(car[2]), car[3] / wheelbase * std::tan(steering), acceleration};
+    const double speed = car[3], turn = speed / wheelbase * std::tan(steering);
+    return {speed * std::cos(car[2]), speed * std::sin(car[2]), turn, acceleration};
 }
 
 Car moved(const Car &car, const Car &along, double by)

@@ -16,7 +16,7 @@
 
 namespace cfjax {
 
-static_assert(CF_STATES == 4 && CF_COMMANDS == 2, "the core is for a car: its pose and speed, steering angle and thrust");
+static_assert(CF_STATES == 4 && CF_COMMANDS == 2, "expected a car: pose and speed, steering and thrust");
 
 inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -57,7 +57,7 @@ struct Answer {
     double theta = 0;        // s along the path, in this lap
     int leg = 0;
     unsigned long lap = 0;    // since the car was last looked for along the whole path
-    bool guaranteed = false;  // V <= 1 stays up to the path's end, if odometry is true and the next steps are like this one
+    bool guaranteed = false;  // V <= 1 stays up to the path's end: of the model, with true odometry and more such steps
     std::string_view why;     // or why not
 };
 
@@ -75,10 +75,11 @@ public:
     explicit Core(const Settings &settings) : settings_(settings)
     {
         demand(settings.period > 0 && settings.period <= CF_LONGEST_STEP, "period: expected s, above 0 and at most 1");
-        demand(settings.longest_silence > 0, "longest_silence: expected s, above 0");
+        demand(settings.longest_silence > 0 && settings.longest_silence <= CF_LONGEST_STEP,
+               "longest_silence: expected s, above 0 and at most 1");
         demand(settings.stop_beyond >= 1, "stop_beyond: expected a value of V, at least 1");
         demand(std::isfinite(settings.rear_axle), "rear_axle: expected m");
-        demand(settings.speed_horizon > 0, "speed_horizon: expected s, above 0");
+        demand(settings.speed_horizon >= settings.period, "speed_horizon: expected s, at least the period");
         cf_reset(&car_);
     }
 
@@ -88,27 +89,27 @@ public:
         const double held = held_until(now);
         const double age = odometry ? now - odometry->stamp : unknown;
         const bool fresh = std::abs(age) <= settings_.longest_silence;  // NaN is not
-        Stop stop{held, age, fresh ? odometry->speed : unknown};
+        Seen seen{held, age, fresh ? odometry->speed : unknown};
         if (!CF_CLOSED && car_.theta > CF_DURATION) {
-            stop.value = car_.value;
-            return stopped(Status::ended, "the path has ended: the car stops", stop);
+            seen.value = car_.value;
+            return stopped(Status::ended, "the path has ended: the car stops", seen);
         }
         if (!odometry)
-            return stopped(Status::waiting, "no odometry in the frame of the path yet: the car stops", stop);
+            return stopped(Status::waiting, "no odometry in the frame of the path yet: the car stops", seen);
         if (!fresh)
-            return stopped(Status::stale, "the odometry is too old, or from the future: the car stops", stop);
+            return stopped(Status::stale, "the odometry is too old, or from the future: the car stops", seen);
         double state[CF_STATES], command[CF_COMMANDS];
         state_of(*odometry, state);
         cf_controller next = located_ ? car_ : located(state);
         const cf_status found = cf_step(&next, state, held, command);
         if (found == CF_BAD_INPUT)
-            return stopped(Status::unusable, "the odometry holds what is no measurement: the car stops", stop);
-        stop.value = next.value;
+            return stopped(Status::unusable, "the odometry holds what is no measurement: the car stops", seen);
+        seen.value = next.value;
         if (next.value > settings_.stop_beyond)
-            return stopped(Status::lost, "too far outside the funnel: the car stops", stop);
+            return stopped(Status::lost, "too far outside the funnel: the car stops", seen);
         car_ = next;
         located_ = true;
-        Answer answer = answered(found == CF_OUTSIDE ? Status::outside : Status::following, stop);
+        Answer answer = answered(found == CF_OUTSIDE ? Status::outside : Status::following, seen);
         answer.steering_angle = command[0];
         answer.speed = odometry->speed + command[1] * settings_.speed_horizon;
         answer.acceleration = std::abs(command[1]);
@@ -120,7 +121,8 @@ public:
     }
 
 private:
-    struct Stop {
+    // What an answer begins from.
+    struct Seen {
         double held, age, speed, value = unknown;
     };
 
@@ -130,7 +132,7 @@ private:
             throw std::invalid_argument(message);
     }
 
-    // s since the last step, which the next one is taken to last too; where the clock jumped, the car is looked for again
+    // s since the last step, which the next one is taken to last too. If the clock jumped, the car is looked for again.
     double held_until(double now)
     {
         const double held = now - std::exchange(last_, now);
@@ -158,25 +160,25 @@ private:
     }
 
     // The safe answer of the controller: it brakes as hard as the limits allow, the steering stays.
-    Answer stopped(Status status, std::string_view why, const Stop &stop)
+    Answer stopped(Status status, std::string_view why, const Seen &seen)
     {
-        const double blind[CF_STATES] = {unknown, unknown, unknown, stop.speed};
+        const double blind[CF_STATES] = {unknown, unknown, unknown, seen.speed};
         double command[CF_COMMANDS];
-        cf_step(&car_, blind, stop.held, command);
+        cf_step(&car_, blind, seen.held, command);
         located_ = false;
-        Answer answer = answered(status, stop);
+        Answer answer = answered(status, seen);
         answer.steering_angle = command[0];
         answer.acceleration = std::abs(command[1]);
         answer.why = why;
         return answer;
     }
 
-    Answer answered(Status status, const Stop &stop) const
+    Answer answered(Status status, const Seen &seen) const
     {
         Answer answer;
         answer.status = status;
-        answer.value = stop.value;
-        answer.age = stop.age;
+        answer.value = seen.value;
+        answer.age = seen.age;
         answer.theta = car_.theta;
         answer.leg = car_.leg;
         answer.lap = car_.lap;
@@ -193,7 +195,7 @@ private:
         if (held > proven_period)
             return "inside the funnel; steps take longer than the proven control period";
         if (age != 0)
-            return "inside the funnel; the odometry is from before this step, and the proven control period has no delay";
+            return "inside the funnel; the odometry is from before this step, and what is proven has no delay";
         return {};
     }
 

@@ -48,14 +48,15 @@ private:
 class Time {
 public:
     explicit Time(std::int64_t nanoseconds = 0) : nanoseconds_(nanoseconds) {}
-    Time(const builtin_interfaces::msg::Time &stamp) : nanoseconds_(stamp.sec * std::int64_t{1000000000} + stamp.nanosec) {}
+    Time(const builtin_interfaces::msg::Time &stamp) : nanoseconds_(stamp.sec * second + stamp.nanosec) {}
     operator builtin_interfaces::msg::Time() const
     {
-        return {static_cast<std::int32_t>(nanoseconds_ / 1000000000), static_cast<std::uint32_t>(nanoseconds_ % 1000000000)};
+        return {static_cast<std::int32_t>(nanoseconds_ / second), static_cast<std::uint32_t>(nanoseconds_ % second)};
     }
     Duration operator-(const Time &other) const { return Duration(nanoseconds_ - other.nanoseconds_); }
 
 private:
+    static constexpr std::int64_t second = 1000000000;
     std::int64_t nanoseconds_;
 };
 
