@@ -43,7 +43,7 @@ FINE, WARNING, ERROR = range(3)  # of diagnostic_msgs/DiagnosticStatus
 INSIDE = "inside the funnel, and stays there up to the end of the path"
 HOUR = 3600.0
 CAR = {"x": 1.5, "y": 0.05, "yaw": math.pi / 2 + 0.05, "speed": 1.5}  # on the circle
-CALM = {"age": 0.0, "frame_id": "map", "silent_from": HOUR, "silent_until": HOUR, "moved_at": HOUR}
+CALM = {"age": 0.0, "frame_id": "map", "silent_from": HOUR, "silent_until": HOUR, "moved_at": HOUR, "moved_by": 30.0}
 
 
 def absorbing(result: Result, period: float) -> Result:
@@ -230,6 +230,14 @@ def test_without_odometry_it_brakes_and_says_so(package: Package) -> None:
     assert stops[0].acceleration == 4.0
     assert at_rest.speed == pytest.approx(0.0, abs=1e-6)
     assert again.told_speed > 0 and again.level in (FINE, WARNING)
+
+
+def test_after_a_stop_it_looks_for_the_car(package: Package) -> None:
+    """Somebody has put it back while there was no odometry."""
+    silence = {"silent_from": 1.0, "silent_until": 1.5}
+    steps = package("circle").drive(2.0, **silence, moved_at=1.5, moved_by=0.0).steps
+    again = next(step for step in steps if step.time >= 1.5)
+    assert again == steps[0]._replace(time=again.time) and again.message == INSIDE
 
 
 @pytest.mark.parametrize("age", [0.2, -0.2])

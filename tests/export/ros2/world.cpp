@@ -1,8 +1,8 @@
 // The world around the node: a kinematic car that does what it is told, odometry, and somebody who writes it all down.
 //
 // Arguments, name=value: x, y (m), yaw (rad), speed (m/s) of the rear axle, wheelbase (m), steps; age (s) and frame_id
-// of the odometry, silent_from and silent_until (s), between which it is silent; moved_at (s), when the car is put 30 m
-// away.
+// of the odometry, silent_from and silent_until (s), between which it is silent; moved_at (s), when the car is put back to
+// where it began, or moved_by (m, along x) from there.
 // A line per step: what the car was, what it was told, what the diagnostics said last.
 #include <algorithm>
 #include <array>
@@ -70,13 +70,14 @@ void rclcpp::spin(std::shared_ptr<Node>)
     using namespace stand_in;
     const auto ns = [](double seconds) { return std::llround(seconds * 1e9); };
     const double wheelbase = number("wheelbase"), period = number("period");
-    Car car = {number("x"), number("y"), number("yaw"), number("speed")};
+    const Car start = {number("x"), number("y"), number("yaw"), number("speed")};
+    Car car = start;
     nanoseconds = 1000 * ns(1.0);
     const std::int64_t first = nanoseconds;
     for (long step = 0; step < std::stol(argument("steps")); step++) {
         const double time = static_cast<double>(nanoseconds - first) / 1e9;
         if (ns(time) == ns(number("moved_at")))
-            car[0] += 30;
+            car = moved(start, {1, 0, 0, 0}, number("moved_by"));
         if (time < number("silent_from") || time >= number("silent_until"))
             heard<nav_msgs::msg::Odometry>(
                 std::make_shared<nav_msgs::msg::Odometry>(measured(car, ns(number("age")))));

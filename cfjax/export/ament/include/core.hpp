@@ -2,9 +2,7 @@
 #ifndef CFJAX_CORE_HPP
 #define CFJAX_CORE_HPP
 
-#include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -150,12 +148,11 @@ private:
         state[3] = odometry.speed;  // the same all along the body's axis
     }
 
-    // Wherever on the path the car is; a stop goes on holding the last steering.
-    cf_controller located(const double state[CF_STATES]) const
+    // Wherever on the path the car is.
+    static cf_controller located(const double state[CF_STATES])
     {
         cf_controller found;
         cf_start(&found, state);
-        std::copy(std::begin(car_.inputs), std::end(car_.inputs), std::begin(found.inputs));
         return found;
     }
 
