@@ -16,7 +16,7 @@ COMMANDS = {
         "cfjax.simulate.__main__",
         "drive the law of a run at a control period, on a plant, with noise and delay",
     ),
-    "export": ("cfjax.export.__main__", "write the controller of a run in C"),
+    "export": ("cfjax.export.__main__", "write the controller of a run in C, or for ROS 2"),
     "report": ("cfjax.report.__main__", "write the page of a run, or the index of a sweep, again"),
     "gather": ("cfjax.gather", "table and picture of a sweep"),
 }

@@ -396,6 +396,7 @@ TABLE: dict[str, Callable[[], Call]] = {
     "robustness_of": lambda: slow(cfjax.certificate.robustness_of, result=RESULT, workers=1),
     "sources_of": lambda: slow(cfjax.export.sources_of, result=RESULT),
     "write_controller": lambda: slow(cfjax.export.write_controller, result=RESULT, folder="nowhere"),
+    "write_package": lambda: slow(cfjax.export.write_package, result=RESULT, folder="nowhere"),
     "write_chain": lambda: slow(
         cfjax.tubes.write_chain, {"path": {"text", "a number as text"}}, following=following(), path="nowhere"
     ),

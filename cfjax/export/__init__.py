@@ -7,8 +7,9 @@ from cfjax.lazy import on_first_use
 
 if TYPE_CHECKING:
     from cfjax.export.controller import Sources, sources_of, write_controller
+    from cfjax.export.ros2 import write_package
 
 
-__all__ = ["Sources", "sources_of", "write_controller"]
+__all__ = ["Sources", "sources_of", "write_controller", "write_package"]
 
 __getattr__ = on_first_use(__name__)

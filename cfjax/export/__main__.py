@@ -1,4 +1,4 @@
-"""`python -m cfjax.export FOLDER`: the C99 controller of a certified run.
+"""`python -m cfjax.export FOLDER`: the C99 controller of a certified run, or a package of ROS 2 around it.
 
 Exit code: 0 done; 2 bad input, one line on stderr.
 """
@@ -12,21 +12,29 @@ from pathlib import Path
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m cfjax.export",
-        description="Write the controller of a certified run as one C99 header and source.",
+        description="Write the controller of a certified run: a C99 header and source, or a ROS 2 package around them.",
     )
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder")
-    parser.add_argument("--output", metavar="DIR", type=Path, help="where to write; default: FOLDER/controller")
+    parser.add_argument(
+        "--output", metavar="DIR", type=Path, help="where to write; default: FOLDER/controller or FOLDER/ros2"
+    )
+    parser.add_argument(
+        "--ros2",
+        action="store_true",
+        help="write an ament package: a C++ node with odometry in, Ackermann command out; never built with ROS itself",
+    )
     parser.add_argument("--vehicle", metavar="module.Class", help="of a run of your own vehicle: its class")
     options = parser.parse_args(arguments)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
     from cfjax.errors import InputError
-    from cfjax.export.controller import write_controller
+    from cfjax.export import write_controller, write_package
     from cfjax.report.run_folder import read_run
 
-    output = options.output or options.folder / "controller"
+    write, name = (write_package, "ros2") if options.ros2 else (write_controller, "controller")
+    output = options.output or options.folder / name
     try:
-        written = write_controller(read_run(options.folder, options.vehicle), output)
+        written = write(read_run(options.folder, options.vehicle), output)
     except InputError as error:
         message = str(error)
     except OSError as error:

@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+from cfjax.export.ros2 import FILES
+
 
 ROOT = Path(__file__).parents[2]
 PRESETS = "cfjax/conf/presets"  # where the wheel carries conf/
@@ -68,6 +70,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
     assert held == there
     # what users were promised that travels: presets, tubes, templates of the controller
     templates = {f"cfjax/export/controller.{kind}.in" for kind in ("c", "h")}
+    templates |= {f"cfjax/export/ament/{name}" for name in FILES}
     assert {f"{PRESETS}/train.yaml", f"{PRESETS}/path/circle.yaml"} | templates <= held
     assert sum(name.startswith("cfjax/tubes/library/") for name in held) == 12
     assert told == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "licenses/LICENSE"}
@@ -88,11 +91,13 @@ def test_the_commands_work_outside_the_checkout(command: Command) -> None:
 
     checked = command("cfjax-check", "run")
     assert checked.returncode == 0, checked.stdout + checked.stderr
-    exported = command("cfjax-export", "run")
-    assert exported.returncode == 0, exported.stderr
+    for kind in ([], ["--ros2"]):
+        exported = command("cfjax-export", "run", *kind)
+        assert exported.returncode == 0, exported.stderr
     simulated = command("cfjax-simulate", "nowhere")
     assert simulated.returncode == 2, simulated.stderr
     assert (folder / "controller" / "cfjax_controller.c").exists()
+    assert (folder / "ros2" / "src" / "node.cpp").exists()
 
 
 def test_the_installed_command_knows_the_presets(command: Command) -> None:
