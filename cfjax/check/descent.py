@@ -187,8 +187,7 @@ def bounds_over(certificate: Certificate, hints: Sequence[FunnelHints]) -> Bound
         if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
             raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
         return BoundsOver(rates, lambda amounts: least_level(rates, amounts), (held[0].told,), bands)
-    is_closed = not isinstance(problem.course, Bounds) and problem.course.closed
-    joints = [Joint(*gap, ratio) for gap, ratio in zip(gaps(claims.legs, is_closed), claims.ratios, strict=True)]
+    joints = [Joint(*gap, ratio) for gap, ratio in zip(gaps(claims.legs, problem.is_lap), claims.ratios, strict=True)]
     ways = [leg.length for leg in claims.legs]
 
     def keeps(amounts: Absorbed) -> fmpq | None:

@@ -175,8 +175,7 @@ def _claims(document: object, skip_hash: bool) -> tuple[Claims, Item]:
     parts = _legs(legs, problem, len(read))
     if len(read) != max((part.funnel for part in parts), default=0) + 1:
         funnels.refuse("one for each number that legs name, or a single one for every path within bounds")
-    is_lap = not isinstance(problem.course, Bounds) and problem.course.closed
-    count = 0 if refutes else max(len(parts) - 1, 0) + is_lap
+    count = 0 if refutes else max(len(parts) - 1, 0) + problem.is_lap
     ratios = tuple(item.record("ratio")[0].positive() for item in joints.items(count, count))
     return Claims(problem, tuple(one for one, _ in read), tuple(model for _, model in read), parts, ratios), last
 

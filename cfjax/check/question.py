@@ -60,6 +60,11 @@ class ProblemClaim:
         return course.is_single if isinstance(course, Bounds) else are_steady(course.reference.pieces)
 
     @property
+    def is_lap(self) -> bool:
+        """Whether the path is driven again and again."""
+        return isinstance(self.course, Course) and self.course.closed
+
+    @property
     def fastest(self) -> fmpq:
         """The largest u0."""
         return self.inputs["u0"][1]

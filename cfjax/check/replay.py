@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from cfjax.check.amounts import BoundsOver, Stated, verified
-from cfjax.check.bounds import Bounds
 from cfjax.check.descent import bounds_over
 from cfjax.check.document import Claims, Witness, read_certificate
 from cfjax.check.held_hints import read_robustness
@@ -107,7 +106,5 @@ def _check_problem(problem: ProblemClaim) -> tuple[Assumptions | None, Symbolic]
     if problem.method == "tt" and slowest != fastest:
         raise Broken("method: trajectory tracking (tt) has u0 = 1")
     dynamics = dynamics_of(problem.car)
-    course = problem.course
-    is_lap = not isinstance(course, Bounds) and course.closed
-    rests = problem.is_steady and not is_lap and not problem.surroundings.obstacles
+    rests = problem.is_steady and not problem.is_lap and not problem.surroundings.obstacles
     return assumptions_of(problem.vehicle, dynamics, rests), dynamics

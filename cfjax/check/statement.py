@@ -86,10 +86,10 @@ def sections(shown: Shown, robustness: Robustness | None = None) -> tuple[Sectio
 def _along(proven: Proven) -> tuple[str, ...]:
     """What is guaranteed along a path."""
     claims, problem, arrival = proven.claims, proven.claims.problem, proven.arrival
-    assert not isinstance(problem.course, Bounds) and arrival is not None
+    assert arrival is not None  # of a path that lies somewhere
     started = "every start with V < 1" if problem.inlet is None else "every start in I"
     arrives = f"arrives with V <= {_up(proven.finish)}" if problem.goal is None else "arrives in G"
-    again = ", and from there lap after lap for ever" if problem.course.closed else ""
+    again = ", and from there lap after lap for ever" if problem.is_lap else ""
     law = ""
     if proven.falls:
         law = f"this needs a law that enforces {SHARE_TEXT} of the margin per metre"
@@ -204,8 +204,7 @@ def _law(shown: Proven, proven: Robustness) -> tuple[tuple[str, ...], str]:
     if not shown.falls:
         return (LAW, *each), ""
     problem = claims.problem
-    is_lap = not isinstance(problem.course, Bounds) and problem.course.closed
-    end = " and ends in G" if problem.goal else "" if is_lap else ", V at the end being another than above"
+    end = " and ends in G" if problem.goal else "" if problem.is_lap else ", V at the end being another than above"
     return (LAW_IN_TURN, *each), f", whatever the path does meanwhile, and the car stays in the funnels{end}"
 
 
