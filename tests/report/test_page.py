@@ -13,8 +13,10 @@ import pytest
 from flint import fmpq
 from playwright.sync_api import Browser, Page, sync_playwright
 
+import cfjax.report.page.page
 from cfjax.check import Report
 from cfjax.conf import preset, problem_of, yaml_of
+from cfjax.errors import InputError
 from cfjax.problem import Problem
 from cfjax.report.__main__ import main
 from cfjax.report.files import write_error
@@ -132,6 +134,55 @@ def test_a_certified_run_on_a_desk_and_on_a_phone(browser: Browser, hand_made: M
     wide = "[...document.querySelectorAll('.figure')].map((f) => f.getBoundingClientRect().right)"
     assert max(phone.evaluate(wide)) <= 390
     phone.close()
+
+
+def test_a_result_without_a_folder_has_its_page(
+    hand_made: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It says what the checker says of the certificate's text, and leaves out what only a folder's files prove."""
+    asked: list[dict[str, object]] = []
+
+    def proves(document: dict[str, object]) -> Report:
+        asked.append(document)
+        return by_hand.proven(fmpq(5, 16))
+
+    monkeypatch.setattr(cfjax.report.page.page, "check_document", proves)
+    alone = Absorbed(0.0015, (0.3,) * 4, (0.1,) * 4, 0.0005)
+    claimed = _certified(hand_made(problem_of(preset("obstacle")))).replace(
+        message="what it claims", robustness=Robustness(alone, 0.5, alone, 0.5)
+    )
+    file = tmp_path / "own.html"
+    (tmp_path / "config.yaml").write_text("of another run")
+    assert claimed.report(str(file)) == file
+    text = file.read_text()
+    assert asked == [claimed.document]
+    assert "Proven. The exact checker accepted the certificate." in text
+    assert "cfjax.check.check_document(result.document)" in text
+    assert re.search(r"<dd>0\.3125 <small>1/s", text)
+    for absent in ("what it claims", "of another run", "robustness.json", "python -m cfjax.check"):
+        assert absent not in text
+    assert [entry.name for entry in tmp_path.iterdir() if entry != file] == ["config.yaml"]
+
+
+def test_a_page_claims_nothing_that_the_checker_refuses(hand_made: Make, tmp_path: Path) -> None:
+    for forged in (_certified(hand_made(problem_of(preset("circle")))), hand_made(problem_of(preset("circle")))):
+        claimed = forged.replace(verdict=Verdict.CERTIFIED)
+        with pytest.raises(InputError, match="result: expected what the certificate proves, got certified"):
+            claimed.report(tmp_path / "report.html")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_page_goes_into_a_new_folder_or_says_why_not(hand_made: Make, tmp_path: Path) -> None:
+    result = hand_made(problem_of(preset("circle")), segments=(), closed_loop=None)
+    file = result.report()
+    try:
+        assert "Nothing is proven" in file.read_text()
+        assert file.name == "report.html"
+    finally:
+        shutil.rmtree(file.parent)
+    for wrong, line in ((tmp_path, "path: expected the name of a file"), (tmp_path / "no" / "r.html", "cannot write")):
+        with pytest.raises(InputError, match=line):
+            result.report(wrong)
 
 
 def test_nothing_proven_and_a_tube(browser: Browser, hand_made: Make, tmp_path: Path) -> None:
