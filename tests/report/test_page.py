@@ -1,17 +1,16 @@
 """The page of a run, in a browser: it says what the result says, shows it, and asks nobody for anything."""
 
 import json
-import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import fmpq
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 import cfjax.report.page.page
 from cfjax.check import Report
@@ -31,11 +30,6 @@ from tests.shapes import eight
 Make = Callable[..., Result]  # hand_made
 
 MOST_BYTES = 5_900_000
-CHROMIUM = shutil.which("chromium")
-FLAGS = (
-    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync", "--no-first-run"),
-)
 WORST = (WorstPlace(0, "d", 0.25, 0.5, (0.1, 0.2, 0.3, 0.1)), WorstPlace(0, "a", 0.125, 0.0, (0.5, 0.0, 0.0, 0.0)))
 
 
@@ -70,17 +64,6 @@ def _tube(result: Result) -> Result:
     inputs = np.ones((40, 1, 3)) * np.array([1.0, 0.2, 0.0])
     cars = Rollouts(way, way, x, np.full((40, 1), 0.3), inputs, poses)
     return result.replace(verdict=Verdict.CERTIFIED, rollouts=(cars,))
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if CHROMIUM is None and not os.environ.get("CI"):
-        pytest.skip("no browser: install chromium")
-    assert CHROMIUM, "no browser: install chromium"
-    with sync_playwright() as playwright:
-        own = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-        yield own
-        own.close()
 
 
 def _opened(browser: Browser, file: Path, width: int = 1280, touch: bool = False) -> Page:
