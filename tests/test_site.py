@@ -1,11 +1,15 @@
 """The documentation's site, opened from the disk: a few pages, built with the settings of all of them."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bs4 import BeautifulSoup
 from playwright.sync_api import Browser
+
+from scripts.glossary_links import TERMS, anchor, with_links
 
 
 ROOT = Path(__file__).parents[1]
@@ -36,3 +40,19 @@ def test_the_search_box_works_from_the_disk(site: Path, browser: Browser) -> Non
     page.type("input[name=query]", "xylophone")
     page.wait_for_selector("text=No matching documents")
     page.close()
+
+
+def test_the_first_appearance_of_a_term_leads_to_the_glossary(site: Path) -> None:
+    links = BeautifulSoup((site / "funnel.html").read_text(), "html.parser").select("a.term")
+    assert {"I", "G", "S", "margin"} <= {link.get_text() for link in links}
+    rows = {row["id"] for row in BeautifulSoup((site / "glossary.html").read_text(), "html.parser").select("tr[id]")}
+    assert set(map(anchor, TERMS.values())) <= rows
+    assert {link["href"] for link in links} <= {f"glossary.html#{row}" for row in rows}
+
+
+def test_code_headings_and_links_stay_as_they_are() -> None:
+    kept = "<h1>The shell</h1><p><code>shell</code> <a href='x.html'>the shell</a> seashells Im</p>"
+    linked = with_links(f"{kept}<p>A shell &lt; 1 of I, another shell</p>", "g.html")
+    assert linked.startswith(kept.replace("'", '"'))
+    assert re.findall(r'href="(g[^"]*)"', linked) == ["g.html#initial-set", "g.html#shell"][::-1]
+    assert linked.endswith(" &lt; 1 of " + '<a class="term" href="g.html#initial-set">I</a>, another shell</p>')
