@@ -9,6 +9,7 @@ import pytest
 from bs4 import BeautifulSoup
 from playwright.sync_api import Browser
 
+from scripts import site_notebooks
 from scripts.glossary_links import TERMS, anchor, with_links
 
 
@@ -48,6 +49,22 @@ def test_the_first_appearance_of_a_term_leads_to_the_glossary(site: Path) -> Non
     rows = {row["id"] for row in BeautifulSoup((site / "glossary.html").read_text(), "html.parser").select("tr[id]")}
     assert set(map(anchor, TERMS.values())) <= rows
     assert {link["href"] for link in links} <= {f"glossary.html#{row}" for row in rows}
+
+
+def test_notebooks_that_are_there_are_downloads(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripts = {script.stem for script in site_notebooks.FOLDER.glob("*.py")}
+    listed = BeautifulSoup((site / "notebooks.html").read_text(), "html.parser").select("tbody tr td:first-child")
+    assert scripts <= {cell.get_text().removesuffix(".ipynb") for cell in listed}
+    assert {file.name for file in site.glob("notebooks/*")} == {
+        file.name for file in site_notebooks.FOLDER.glob("*.ipynb")
+    }
+    monkeypatch.setattr(site_notebooks, "FOLDER", tmp_path)
+    table = "| `controller` | drives |\n| `own_path` | bends |\n"
+    assert site_notebooks.page(table) == table
+    (tmp_path / "controller.ipynb").write_text("{}")
+    assert site_notebooks.page(table) == (
+        "| [controller.ipynb](notebooks/controller.ipynb){ download } | drives |\n| `own_path` | bends |\n"
+    )
 
 
 def test_code_headings_and_links_stay_as_they_are() -> None:
