@@ -1,15 +1,20 @@
 """Bars on a terminal, quiet lines in a file, and one clock for both and for what is written."""
 
 import io
+import re
+import sys
 import time
 from contextlib import suppress
+from types import SimpleNamespace
 
+import IPython.display
 import pytest
 from rich.console import Console
 
-import cfjax.report.progress
+import cfjax
+import cfjax.progress
 from cfjax.clock import Clock
-from cfjax.report.progress import progress_on
+from cfjax.progress import progress_on, watched
 
 
 @pytest.fixture
@@ -80,7 +85,7 @@ def test_time_that_ends_in_an_error_counts_and_no_end_is_told(hours: list[float]
 
 
 def test_a_long_stage_is_heard_of_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cfjax.report.progress, "QUIET", 0.04)
+    monkeypatch.setattr(cfjax.progress, "QUIET", 0.04)
     stream = io.StringIO()
     with progress_on(Console(file=stream, width=80)) as clock, clock.stage("learn"):
         clock("learn", 1, 6)
@@ -95,3 +100,75 @@ def test_a_short_step_has_no_line() -> None:
     with progress_on(Console(file=stream, width=80)) as clock, clock.stage("plot"):
         pass
     assert not stream.getvalue()
+
+
+def on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    """A terminal in place of stderr; no fixture, as pytest sets stderr anew before a test is called."""
+    stream = io.StringIO()
+    monkeypatch.setattr(stream, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    return stream
+
+
+def test_python_shows_bars_on_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terminal = on_a_terminal(monkeypatch)
+    with watched(None, {"learn": 10.0}) as clock, clock.stage("simulate"), watched(clock) as same:
+        assert same is clock
+    assert clock.seconds["learn"] == 10.0
+    assert "simulate" in terminal.getvalue()
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with watched(None) as clock, clock.stage("learn"):
+        pass
+    assert (sys.stderr.getvalue(), capsys.readouterr()) == ("", ("", ""))
+
+
+def test_who_asks_to_hear_has_no_bars(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = on_a_terminal(monkeypatch)
+    heard: list[tuple[str, int, int]] = []
+    with watched(lambda *call: heard.append(call)) as clock, clock.stage("learn"):
+        pass
+    assert heard == [("learn", 0, 1), ("learn", 1, 1)]
+    assert not terminal.getvalue()
+
+
+def test_a_notebook_has_a_line_for_every_stage(monkeypatch: pytest.MonkeyPatch, hours: list[float]) -> None:
+    shown: list[str] = []
+
+    class Output:
+        def update(self, content: dict[str, str], raw: bool) -> None:
+            assert raw
+            shown.append(content["text/plain"])
+
+    def display(content: dict[str, str], raw: bool, display_id: bool) -> Output:
+        assert display_id and not shown
+        Output().update(content, raw)
+        return Output()
+
+    monkeypatch.setattr(cfjax.progress, "Console", lambda: SimpleNamespace(is_jupyter=True))
+    monkeypatch.setattr(IPython.display, "display", display)
+    with watched(None) as clock:
+        with clock.stage("learn"):
+            hours.append(1.5)
+            clock("learn", 1, 2)
+        with clock.stage("simulate"):
+            hours.append(4.0)
+    assert shown == [
+        "       learn  …",
+        "       learn  1 of 2",
+        "       learn  2 of 2, 1.5 s",
+        "       learn  2 of 2, 1.5 s\n    simulate  …",
+        "       learn  2 of 2, 1.5 s\n    simulate  2.5 s",
+    ]
+
+
+def test_a_synthesis_is_shown_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stages and seconds as `seconds` has them; one display for search and drive."""
+    terminal = on_a_terminal(monkeypatch)
+    problem = cfjax.Problem(cfjax.circle(1.5), 0.2, 0.5)
+    result = cfjax.synthesize(problem, cfjax.Options(certificate="tube", cars=10))
+    last = re.sub(r"\x1b\[[0-9;?]*\w", "", terminal.getvalue()).strip().splitlines()[-2:]
+    shown = [(line.split()[0], line.split()[-2]) for line in last]
+    assert shown == [(stage, f"{result.seconds[stage]:.1f}") for stage in ("tubes", "simulate")]

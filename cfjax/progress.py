@@ -1,19 +1,22 @@
 """How a run shows where it is: bars on a terminal; in a file one line per finished stage, and one where it takes long.
 
-All of it on stderr.
+All of it on stderr. In a notebook each cell has a line for every stage, below the cell.
 """
 
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn
+from rich.progress import BarColumn, ProgressColumn, Task, TaskID, TextColumn
+from rich.progress import Progress as Bars
 from rich.text import Text
 
 from cfjax.clock import Clock
+from cfjax.options import Progress
 
 
 QUIET = 20.0  # s: so long a file hears nothing of a run, at most
@@ -21,20 +24,37 @@ SHORT = 1.0  # s: a stage of one step that takes less is worth no line
 
 
 @contextmanager
-def progress_on(console: Console | None = None) -> Iterator[Clock]:
-    """The clock of a run, whose stages are shown as they begin and end."""
+def watched(progress: Progress | None, seconds: Mapping[str, float] | None = None) -> Iterator[Clock]:
+    """The clock of what Python asked for: the one that was handed on, or a new one, which tells `progress`.
+
+    Where that is None, a terminal has bars and a notebook lines; a file or a pipe hears nothing.
+    """
+    if progress is not None:
+        yield Clock.of(progress, seconds)
+    elif Console().is_jupyter:
+        yield _Cell(seconds).clock
+    elif sys.stderr.isatty():
+        with progress_on(seconds=seconds) as clock:
+            yield clock
+    else:
+        yield Clock(seconds=seconds)
+
+
+@contextmanager
+def progress_on(console: Console | None = None, seconds: Mapping[str, float] | None = None) -> Iterator[Clock]:
+    """The clock of a run, whose stages are shown as they begin and end; it goes on from `seconds`."""
     console = Console(stderr=True) if console is None else console
     if not console.is_terminal:
-        lines = _Lines(console)
+        lines = _Lines(console, seconds)
         try:
             yield lines.clock
         finally:
             lines.close()
         return
-    shown = _Bars()
+    shown = _Bars(seconds)
     columns = (TextColumn("{task.description:>12}"), BarColumn(), shown)
     # what is printed meanwhile appears above the bars, unless it goes to a file
-    with Progress(*columns, console=console, redirect_stdout=sys.stdout.isatty()) as bars:
+    with Bars(*columns, console=console, redirect_stdout=sys.stdout.isatty()) as bars:
         shown.bars = bars
         yield shown.clock
 
@@ -43,11 +63,11 @@ class _Bars(ProgressColumn):
     """A bar for every stage, and beside it how far it is and its seconds; to and fro where it has one step alone."""
 
     max_refresh = 0.5
-    bars: Progress
+    bars: Bars
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: Mapping[str, float] | None) -> None:
         super().__init__()
-        self.clock = Clock(self.show)
+        self.clock = Clock(self.show, seconds)
         self._tasks: dict[str, TaskID] = {}
 
     def show(self, stage: str, done: int, of: int) -> None:
@@ -63,8 +83,8 @@ class _Bars(ProgressColumn):
 class _Lines:
     """A line when a stage of some length ends, and one whenever nothing was heard of a run for a while."""
 
-    def __init__(self, console: Console) -> None:
-        self.clock = Clock(self.show)
+    def __init__(self, console: Console, seconds: Mapping[str, float] | None) -> None:
+        self.clock = Clock(self.show, seconds)
         self._console = console
         self._shown: set[str] = set()
         self._now = ("begin", 0, 1)
@@ -97,3 +117,24 @@ class _Lines:
             with self._lock:
                 if time.monotonic() - self._spoken >= QUIET:
                     self._say(" so far")
+
+
+class _Cell:
+    """A line for every stage in an output of a notebook's cell, which changes as they go on."""
+
+    def __init__(self, seconds: Mapping[str, float] | None) -> None:
+        self.clock = Clock(self.show, seconds)
+        self._lines: dict[str, str] = {}
+        self._output: Any = None
+
+    def show(self, stage: str, done: int, of: int) -> None:
+        count = [f"{done} of {of}"] if of > 1 else []
+        spent = [f"{self.clock.spent(stage):.1f} s"] if done >= of else []
+        self._lines[stage] = f"{stage:>12}  {', '.join(count + spent) or '…'}"
+        content = {"text/plain": "\n".join(self._lines.values())}
+        if self._output is None:
+            from IPython.display import display  # what runs in a notebook has it
+
+            self._output = display(content, raw=True, display_id=True)
+        else:
+            self._output.update(content, raw=True)
