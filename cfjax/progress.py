@@ -59,6 +59,13 @@ def progress_on(console: Console | None = None, seconds: Mapping[str, float] | N
         yield shown.clock
 
 
+def _count(done: int, of: int) -> list[str]:
+    """How far a stage of several steps is. Before the first one, programs are compiled, or loaded where kept."""
+    if of <= 1:
+        return []
+    return [f"{done} of {of}" if done else f"0 of {of} (compiling first)"]
+
+
 class _Bars(ProgressColumn):
     """A bar for every stage, and beside it how far it is and its seconds; to and fro where it has one step alone."""
 
@@ -76,8 +83,8 @@ class _Bars(ProgressColumn):
         self.bars.update(self._tasks[stage], completed=done, total=of if of > 1 or done else None)
 
     def render(self, task: Task) -> Text:
-        count = f"{task.completed:.0f} of {task.total:.0f}, " if (task.total or 0) > 1 else ""
-        return Text(f"{count}{self.clock.spent(task.description):.1f} s")
+        count = _count(int(task.completed), int(task.total or 0))
+        return Text(", ".join([*count, f"{self.clock.spent(task.description):.1f} s"]))
 
 
 class _Lines:
@@ -109,8 +116,8 @@ class _Lines:
     def _say(self, note: str) -> None:
         stage, done, of = self._now
         self._spoken = time.monotonic()
-        count = f"{done} of {of}, " if of > 1 else ""
-        print(f"{stage}: {count}{self.clock.spent(stage):.1f} s{note}", file=self._console.file, flush=True)
+        said = ", ".join([*_count(done, of), f"{self.clock.spent(stage):.1f} s"])
+        print(f"{stage}: {said}{note}", file=self._console.file, flush=True)
 
     def _listen(self) -> None:
         while not self._ended.wait(QUIET / 4):
@@ -128,9 +135,8 @@ class _Cell:
         self._output: Any = None
 
     def show(self, stage: str, done: int, of: int) -> None:
-        count = [f"{done} of {of}"] if of > 1 else []
         spent = [f"{self.clock.spent(stage):.1f} s"] if done >= of else []
-        self._lines[stage] = f"{stage:>12}  {', '.join(count + spent) or '…'}"
+        self._lines[stage] = f"{stage:>12}  {', '.join(_count(done, of) + spent) or '…'}"
         content = {"text/plain": "\n".join(self._lines.values())}
         if self._output is None:
             from IPython.display import display  # what runs in a notebook has it

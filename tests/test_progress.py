@@ -95,6 +95,19 @@ def test_a_long_stage_is_heard_of_before_it_ends(monkeypatch: pytest.MonkeyPatch
     assert "so far" in stream.getvalue()
 
 
+def test_before_the_first_step_one_hears_of_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cfjax.progress, "QUIET", 0.04)
+    stream = io.StringIO()
+    with progress_on(Console(file=stream, width=80)) as clock, clock.stage("learn"):
+        clock("learn", 0, 6)
+        while "so far" not in stream.getvalue():
+            time.sleep(0.01)
+        clock("learn", 6, 6)
+    first, *_, last = stream.getvalue().splitlines()
+    assert first.startswith("learn: 0 of 6 (compiling first), 0.")
+    assert last.startswith("learn: 6 of 6, 0.")
+
+
 def test_a_short_step_has_no_line() -> None:
     stream = io.StringIO()
     with progress_on(Console(file=stream, width=80)) as clock, clock.stage("plot"):
