@@ -187,8 +187,8 @@ TABLE: dict[str, Callable[[], Call]] = {
         segment_length=10,
         smoothing=0,
     ),
-    "plot": lambda: of(cfjax.plot, Figure, result=RESULT, panel="plane", axes=None),
-    "Result.plot": lambda: of(RESULT.plot, Figure, panel="plane", axes=None),
+    "plot": lambda: of(cfjax.plot, Figure, result=RESULT, panel="plane", axes=None, width=None),
+    "Result.plot": lambda: of(RESULT.plot, Figure, panel="plane", axes=None, width="page"),
     "write_report": lambda: slow(
         cfjax.write_report, {"path": {"None", "text", "a number as text"}}, result=RESULT, path="nowhere/report.html"
     ),

@@ -30,6 +30,7 @@ from tests.shapes import eight
 Make = Callable[..., Result]  # hand_made
 
 MOST_BYTES = 5_900_000
+SVG = ("--picture", "svg")
 WORST = (WorstPlace(0, "d", 0.25, 0.5, (0.1, 0.2, 0.3, 0.1)), WorstPlace(0, "a", 0.125, 0.0, (0.5, 0.0, 0.0, 0.0)))
 
 
@@ -257,6 +258,12 @@ def test_the_command_writes_pages_and_the_index_of_a_sweep(
         str(tmp_path / "0" / name) for name in ("report.html", "funnel.svg")
     ]
     assert "<svg" in (tmp_path / "0" / "funnel.svg").read_text()[:1000]
+    assert main([str(tmp_path / "0"), "--picture", "svg", "--width", "column"]) == 0
+    assert f'width="{8.8 / 2.54 * 72:.2f}'[:-1] in (tmp_path / "0" / "funnel.svg").read_text()[:1000]
+    capsys.readouterr()
+    for flags, said in ((["--width", "8"], "--width: expected --picture"), (["--width", "2", *SVG], "width: expected")):
+        assert main([str(tmp_path / "0"), *flags]) == 2
+        assert said in capsys.readouterr().err
     page = _opened(browser, tmp_path / "index.html", width=390, touch=True)
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     text = page.inner_text("body")
