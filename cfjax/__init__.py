@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         tube,
         waypoints,
     )
+    from cfjax.report.page import write_report
     from cfjax.report.plot import plot
     from cfjax.result import Result
     from cfjax.synthesis import drive, search, synthesize
@@ -83,6 +84,7 @@ __all__ = [
     "synthesize",
     "tube",
     "waypoints",
+    "write_report",
 ]
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Never, SupportsFloat, TypeVar
 
 import numpy as np
 
-from cfjax.errors import InputError
+from cfjax.errors import InputError, meant
 
 
 T = TypeVar("T")
@@ -296,7 +296,7 @@ def one_of(name: str, value: object, names: Sequence[str] | Mapping[str, Any]) -
     if isinstance(value, str) and value in names:
         return value
     given = _cut(value) if isinstance(value, str) and value.strip() else shown(value)
-    raise InputError(f"{name}: expected one of {', '.join(names)}, got {given}")
+    raise InputError(f"{name}: expected one of {', '.join(names)}, got {given}{meant(str(value), names)}")
 
 
 def text(name: str, value: object) -> str:

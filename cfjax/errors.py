@@ -1,6 +1,14 @@
 """What ends a search: a question that cannot be asked, an answer that cannot be written, Ctrl-C after a proof."""
 
+import difflib
+from collections.abc import Iterable
 from typing import Any
+
+
+def meant(given: str, names: Iterable[str]) -> str:
+    """The end of a line: which of the names somebody may have meant who mistyped one; nothing where none is near."""
+    near = difflib.get_close_matches(given, list(names), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 class InputError(ValueError):

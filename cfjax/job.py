@@ -92,8 +92,8 @@ def run(
     """
     from cfjax.conf import waypoint_file, yaml_of
     from cfjax.errors import Interrupted, NotWritten
+    from cfjax.progress import progress_on
     from cfjax.report.files import refuse_finished
-    from cfjax.report.progress import progress_on
     from cfjax.report.run_folder import keep_elsewhere, write_run
     from cfjax.report.tracking import track
     from cfjax.synthesis import drive, harden, search

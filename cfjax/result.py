@@ -5,6 +5,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -197,9 +198,13 @@ class Result:
             for (_, end), found, way in zip(self.spans, self.segments, per_metre, strict=True)
         ]
 
-    def plot(self, panel: str | None = None, axes: "Axes | None" = None) -> "Figure":
+    def plot(self, panel: str | None = None, axes: "Axes | None" = None, width: str | float | None = None) -> "Figure":
         """A Matplotlib figure of the result, or of one of its panels: `cfjax.plot`."""
-        return public("plot")(self, panel, axes)
+        return public("plot")(self, panel, axes, width)
+
+    def report(self, path: Path | str | None = None) -> Path:
+        """Write the page that shows the result, and return where it is: `cfjax.write_report`."""
+        return public("write_report")(self, path)
 
     def replace(self, **changes: Any) -> "Result":
         """The same result with some fields changed."""

@@ -22,6 +22,7 @@ from cfjax.learner import Found, Learned, LearningTask
 from cfjax.learner.objective import rank
 from cfjax.options import Options, Progress
 from cfjax.problem import Path, Problem, Vehicle
+from cfjax.progress import watched
 from cfjax.question import check_question, doubts
 from cfjax.result import Result, SegmentResult, WorstPlace
 from cfjax.simulation import drive_cars, drive_tube_cars
@@ -43,10 +44,18 @@ def synthesize(problem: Problem, options: Options = Options(), progress: Progres
 
     `search` and `drive` in one, for whoever does not have to save the proof in between.
 
+    Args:
+        problem: the question.
+        options: how the funnel is sought.
+        progress: hears how far each stage is, as (stage, done, of). None: bars show it on a terminal, lines in a
+            notebook; elsewhere nothing is shown.
+
     Raises:
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
     """
-    return drive(search(problem, options, progress), options, progress)
+    coerce.function("progress", progress)
+    with watched(progress) as clock:
+        return drive(search(problem, options, clock), options, clock)
 
 
 def search(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
@@ -55,6 +64,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     Learn, certify, and where the proof falls short of what the falsifier could not refute, learn again from the points
     that stood in the way. The best certified funnel is what is returned. `inconclusive` is no proof that none exists.
     What is given and changes nothing, and what another unit explains better, is named on stderr, in a line each.
+    Problem, options and progress are those of `synthesize`.
 
     Raises:
         InputError: where this kind of problem cannot be certified at all (see `cfjax.certificate.certify`).
@@ -63,26 +73,29 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
     check_question(problem, options)
     coerce.function("progress", progress)
     started = time.perf_counter()
-    clock = Clock.of(progress)
     for line in doubts(problem, options):
         print(f"warning: {line}", file=sys.stderr)
+    with watched(progress) as clock:
+        result = _searched(problem, options, clock)
+    return result.replace(seconds={**clock.seconds, "total": time.perf_counter() - started})
+
+
+def _searched(problem: Problem, options: Options, clock: Clock) -> Result:
+    """By funnels of the path's own, or by tubes."""
     if problem.path.tube or options.certificate == "segment" or not options.chosen_learner.tubes:
-        result = _by_segments(problem, options, clock)
-    elif options.certificate == "tube":
+        return _by_segments(problem, options, clock)
+    if options.certificate == "tube":
         _require_tubes(problem.vehicle)
-        result = _by_tubes(problem, options, clock)
-    elif (
+        return _by_tubes(problem, options, clock)
+    if (
         problem.authority != 1
         or _is_short(problem.path)
         or not _fits_tubes(options)
         or not has_tube_structure(dynamics_of(problem.vehicle))
     ):
-        result = _by_segments(problem, options, clock)
-    else:
-        result = _by_tubes(problem, options, clock)
-        if result.verdict is not Verdict.CERTIFIED:
-            result = _instead(result, problem, options, clock)
-    return result.replace(seconds={**clock.seconds, "total": time.perf_counter() - started})
+        return _by_segments(problem, options, clock)
+    result = _by_tubes(problem, options, clock)
+    return result if result.verdict is Verdict.CERTIFIED else _instead(result, problem, options, clock)
 
 
 def _instead(failed: Result, problem: Problem, options: Options, clock: Clock) -> Result:
@@ -166,7 +179,7 @@ def harden(result: Result, options: Options = Options(), progress: Progress | No
     coerce.objects(result=(result, Result), options=(options, Options))
     if not options.robustness:
         return None
-    with Clock.of(progress).stage("robustness"):
+    with watched(progress) as clock, clock.stage("robustness"):
         return robustness_of(result, workers=_cores(), solver=options.solver)
 
 
@@ -183,23 +196,26 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
     coerce.function("progress", progress)
     if result.verdict is not Verdict.CERTIFIED or not options.cars:
         return result
-    clock = Clock.of(progress, result.seconds)
-    before = clock.spent("simulate")
-    try:
-        with clock.stage("simulate"):
-            if result.problem.path.tube:
-                (found,) = result.segments
-                margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
-                how = {"cars": options.cars, "seed": options.seed}
-                loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, **how)
-            else:
-                loop, cars = drive_cars(result.problem, result.legs, cars=options.cars, seed=options.seed)
-            result = result.replace(closed_loop=loop, rollouts=(cars,))
-    except Exception as error:
-        print(f"warning: the cars were not driven ({_reason(error)}); the proof stands", file=sys.stderr)
-    spent = clock.spent("simulate")
+    with watched(progress, result.seconds) as clock:
+        before = clock.spent("simulate")
+        try:
+            with clock.stage("simulate"):
+                result = _driven(result, options)
+        except Exception as error:
+            print(f"warning: the cars were not driven ({_reason(error)}); the proof stands", file=sys.stderr)
+        spent = clock.spent("simulate")
     total = result.seconds.get("total", 0.0) + spent - before
     return result.replace(seconds={**result.seconds, "simulate": spent, "total": total})
+
+
+def _driven(result: Result, options: Options) -> Result:
+    if result.problem.path.tube:
+        (found,) = result.segments
+        margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
+        loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, cars=options.cars, seed=options.seed)
+    else:
+        loop, cars = drive_cars(result.problem, result.legs, cars=options.cars, seed=options.seed)
+    return result.replace(closed_loop=loop, rollouts=(cars,))
 
 
 @dataclass

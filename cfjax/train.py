@@ -65,8 +65,8 @@ class Checks(Callback):
 
         from cfjax.conf import one_line
         from cfjax.errors import InputError
+        from cfjax.progress import progress_on
         from cfjax.report.files import refuse_finished, require_room
-        from cfjax.report.progress import progress_on
         from cfjax.report.resume import locked
 
         Checks.composed = True

@@ -21,8 +21,8 @@ from cfjax import InputError, Interval, Options, Problem, Verdict, ball, synthes
 from cfjax.certificate.writing import dump
 from cfjax.check.rational import rational
 from cfjax.exact import exact_bounds
+from cfjax.progress import progress_on
 from cfjax.report.files import write_whole
-from cfjax.report.progress import progress_on
 from cfjax.rounded import margin_text, rounded_up
 from cfjax.tubes.certified import CertifiedTube
 from cfjax.tubes.store import pack, read_tube

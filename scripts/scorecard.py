@@ -4,8 +4,8 @@
 
 Seconds are medians of `benchmark.py`'s jobs. They are divided by the seconds of a fixed piece of Python and NumPy work,
 timed between them, so that rows of different machines compare; the table holds the quotients and that unit. `--tests`
-times scripts/test and `--ci` .ci/run. A row that is more than 10 % worse in any figure than the last one that has it
-is added only with a `--reason`, which stands beside it. With `--dry-run` nothing is added.
+times scripts/test --all and `--ci` .ci/run. A row that is more than 10 % worse in any figure than the last one that has
+it is added only with a `--reason`, which stands beside it. With `--dry-run` nothing is added.
 """
 
 import argparse
@@ -36,7 +36,7 @@ TIMED = {
     "check": "check",
     "second_synthesize": "second synthesize",
 }
-LONG = {"tests": ("scripts/test",), "ci": ("bash", ".ci/run")}
+LONG = {"tests": ("scripts/test", "--all"), "ci": ("bash", ".ci/run")}
 COUNTED = ("lines", "certificate_kB")
 COLUMNS = ("date", "commit", "unit_s", *TIMED, *LONG, *COUNTED, "reason")
 
@@ -117,7 +117,7 @@ def worse(row: dict[str, str], before: Sequence[dict[str, str]]) -> list[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=3, help="runs of each job (3)")
-    parser.add_argument("--tests", action="store_true", help="time scripts/test too")
+    parser.add_argument("--tests", action="store_true", help="time scripts/test --all too")
     parser.add_argument("--ci", action="store_true", help="time .ci/run too")
     parser.add_argument("--reason", default="", help="why a figure is more than 10 %% worse than it was")
     parser.add_argument("--dry-run", action="store_true", help="print the row and add nothing")

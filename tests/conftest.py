@@ -1,8 +1,11 @@
 """Strict numerics and run-time checked shapes for every test; a result made by hand."""
 
+import os
 import pkgutil
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hypothesis import settings
 from jaxtyping import install_import_hook
@@ -27,6 +30,15 @@ from cfjax.problem import Problem  # noqa: E402
 from cfjax.result import ClosedLoop, Result, SegmentResult  # noqa: E402
 from cfjax.verdict import Verdict  # noqa: E402
 
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = (
+    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync", "--no-first-run"),
+)
 
 settings.register_profile("campaign", max_examples=10_000)  # pytest --hypothesis-profile=campaign FILE: an hour
 
@@ -74,3 +86,16 @@ def write(tmp_path: Path) -> Callable[..., Path]:
         return file
 
     return make
+
+
+@pytest.fixture(scope="module")
+def browser() -> "Iterator[Browser]":
+    from playwright.sync_api import sync_playwright
+
+    if CHROMIUM is None and not os.environ.get("CI"):
+        pytest.skip("no browser: install chromium")
+    assert CHROMIUM, "no browser: install chromium"
+    with sync_playwright() as playwright:
+        own = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield own
+        own.close()

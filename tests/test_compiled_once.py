@@ -44,6 +44,7 @@ def first() -> None:
     assert len(compiled) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("first")
 @pytest.mark.parametrize(
     "problem",
@@ -62,6 +63,7 @@ def test_a_second_run_compiles_nothing(problem: Problem) -> None:
     assert not compiled
 
 
+@pytest.mark.slow
 def test_what_follows_on_learning_can_be_compiled_ahead() -> None:
     """Proof, robustness and cars of a vehicle of its own: afterwards only learner and falsifier are compiled."""
     problem = Problem(circle(), inlet=0.3, goal=0.5, safe=(1, 1, 1, 3), vehicle=KinematicBicycle(wheelbase=0.41))

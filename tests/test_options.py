@@ -6,6 +6,7 @@ import pytest
 import cfjax
 import cfjax.synthesis
 from cfjax.conf import options_of, preset, problem_of
+from cfjax.errors import InputError
 from cfjax.learner.elimination import Elimination
 from cfjax.options import Options
 from cfjax.problem import Box, KinematicBicycle, Problem, ball, circle, straight, tube
@@ -112,3 +113,14 @@ def test_cars_of_every_size_are_none_of_these() -> None:
         car = KinematicBicycle(wheelbase, float(np.tan(np.radians(angle))))
         assert bool(car.doubts) == (angle > 50)
     Problem(circle(), ball(0.4), safe=Box([np.pi, 1, 1, 3]))
+
+
+def test_who_mistypes_a_name_is_told_the_one_that_is_near() -> None:
+    with pytest.raises(InputError, match=r"^solver: expected one of .*, got clarabl; did you mean clarabel\?$"):
+        Options(solver="clarabl")
+    with pytest.raises(InputError, match=r"^path: expected one of .*, got circel; did you mean circle\?$"):
+        preset("circel")
+    with pytest.raises(InputError, match=r"^path\.radus: no such key; expected one of .*; did you mean radius\?$"):
+        preset("circle", ["path.radus=2"])
+    with pytest.raises(InputError, match=r", got xyz$"):
+        Options(solver="xyz")

@@ -187,8 +187,11 @@ TABLE: dict[str, Callable[[], Call]] = {
         segment_length=10,
         smoothing=0,
     ),
-    "plot": lambda: of(cfjax.plot, Figure, result=RESULT, panel="plane", axes=None),
-    "Result.plot": lambda: of(RESULT.plot, Figure, panel="plane", axes=None),
+    "plot": lambda: of(cfjax.plot, Figure, result=RESULT, panel="plane", axes=None, width=None),
+    "Result.plot": lambda: of(RESULT.plot, Figure, panel="plane", axes=None, width="page"),
+    "write_report": lambda: slow(
+        cfjax.write_report, {"path": {"None", "text", "a number as text"}}, result=RESULT, path="nowhere/report.html"
+    ),
     "affine_deviation": lambda: of(cfjax.problem.affine_deviation, vehicle=CAR, x=np.zeros(4), reference=POINT),
     "affine_along": lambda: of(cfjax.problem.affine_along, tuple, vehicle=CAR, points=[[1, 1.5, 0, 0]]),
     "deviation_rate": lambda: of(

@@ -26,7 +26,7 @@ from cfjax.conf.schema import (
     WaypointsConfig,
 )
 from cfjax.conf.user_class import own_vehicle
-from cfjax.errors import InputError
+from cfjax.errors import InputError, meant
 from cfjax.learner.elimination import Elimination
 from cfjax.options import Options, ProofLimits
 
@@ -79,7 +79,7 @@ def preset(name: str, overrides: Sequence[str] = ()) -> Config:
         InputError: for a name that does not come with the package, and overrides that the command would refuse.
     """
     if name not in preset_names():
-        raise InputError(f"path: expected one of {', '.join(preset_names())}, got {name}")
+        raise InputError(f"path: expected one of {', '.join(preset_names())}, got {name}{meant(name, preset_names())}")
     given = hydra_overrides([f"+path={name}", *overrides], sweep=False)
     try:
         with initialize_config_dir(str(preset_folder()), version_base="1.3"):
@@ -200,7 +200,7 @@ def _unknown_keys(node: Any, prefix: str) -> list[str]:
     names = [field.name for field in dataclasses.fields(known)] if dataclasses.is_dataclass(known) else None
     for key in node:
         if names is not None and key not in names:
-            found.append(f"{prefix}{key}: no such key; expected one of {', '.join(names)}")
+            found.append(f"{prefix}{key}: no such key; expected one of {', '.join(names)}{meant(str(key), names)}")
         elif not OmegaConf.is_missing(node, key):
             found += _unknown_keys(node[key], f"{prefix}{key}.")
     return found

@@ -11,6 +11,7 @@ from omegaconf import DictConfig, Node
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, InterpolationResolutionError, OmegaConfBaseException
 
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config
+from cfjax.errors import meant
 
 
 GROUPS: dict[str, Mapping[str, type]] = {"path": PATH_KINDS, "vehicle": VEHICLE_KINDS}  # whose class a preset chooses
@@ -39,7 +40,7 @@ def one_line(error: BaseException) -> str:
         group, _, choice = str(error.missing_cfg_file).rpartition("/")
         if not error.options:
             return f"--config-name: expected the name of a configuration, got {choice}"
-        return f"{group}: expected one of {', '.join(error.options)}, got {choice}"
+        return f"{group}: expected one of {', '.join(error.options)}, got {choice}{meant(choice, error.options)}"
     if isinstance(cause, OmegaConfBaseException) and cause.full_key:
         override = whole.splitlines()[0].removeprefix(MERGING) if whole.startswith(MERGING) else ""
         return _about_a_key(cause, override)
@@ -98,10 +99,12 @@ def _about_a_key(error: OmegaConfBaseException, override: str) -> str:
         got = override.partition("=")[2] or (str(node._value()) if isinstance(node, Node) else "")
         return f"{key}: expected ${{...}} to name what there is{f', got {got}' if got else ''}"
     if isinstance(error, ConfigKeyError | ConfigAttributeError) and isinstance(error.parent_node, DictConfig):
-        known = ", ".join(str(each) for each in error.parent_node if each != "hydra")
-        above = key.rpartition(".")[0]
+        known = [str(each) for each in error.parent_node if each != "hydra"]
+        above, _, own = key.rpartition(".")
         return f"{key}: no such key; " + (
-            f"expected one of {known}" if known else f"{above}: expected {expected_at(above)}"
+            f"expected one of {', '.join(known)}{meant(own, known)}"
+            if known
+            else f"{above}: expected {expected_at(above)}"
         )
     name, _, value = override.partition("=")
     typed_at = key.partition("[")[0]  # timing[0]

@@ -9,6 +9,7 @@ Exit code: 0 done; 2 bad input, one line on stderr.
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--picture", choices=("png", "svg", "pdf"), help="draw each run's picture again, in this format"
     )
+    parser.add_argument(
+        "--width",
+        type=_width,
+        help="of the pictures, for a paper: column (8.8 cm), page (18.1 cm), or cm; with --picture",
+    )
     options = parser.parse_args(arguments)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
@@ -34,13 +40,15 @@ def main(arguments: list[str] | None = None) -> int:
     from cfjax.report import page
     from cfjax.report.files import RESULT, holds_sweep
 
-    folder = options.folder
+    folder, width = options.folder, options.width
     try:
+        if width is not None and options.picture is None:
+            raise InputError("--width: expected --picture png, svg or pdf with it")
         if (folder / RESULT).exists():
-            written = _write(folder, options.vehicle, options.picture)
+            written = _write(folder, options.vehicle, options.picture, width)
         elif holds_sweep(folder):
             runs = sorted(entry for entry in folder.iterdir() if (entry / RESULT).exists())
-            written = [path for run in runs for path in _write(run, options.vehicle, options.picture)]
+            written = [path for run in runs for path in _write(run, options.vehicle, options.picture, width)]
             written.append(page.write_index(folder))
         else:
             raise InputError(f"folder: expected a run's folder or a sweep's, got {folder}")
@@ -56,7 +64,14 @@ def main(arguments: list[str] | None = None) -> int:
     return 2
 
 
-def _write(folder: Path, vehicle: str | None, picture: str | None) -> list[Path]:
+def _width(text: str) -> str | float:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _write(folder: Path, vehicle: str | None, picture: str | None, width: str | float | None) -> list[Path]:
     """Raises InputError where the folder holds no run, or claims what the checker does not accept."""
     from cfjax.report.files import PICTURE, REPORT, write_beside
     from cfjax.report.page import save_page
@@ -68,7 +83,7 @@ def _write(folder: Path, vehicle: str | None, picture: str | None) -> list[Path]
     write_beside(save_page, result, folder / REPORT)
     if picture is not None:
         written.append((folder / PICTURE).with_suffix(f".{picture}"))
-        write_beside(save_picture, result, written[-1])
+        write_beside(partial(save_picture, width=width), result, written[-1])
     return written
 
 

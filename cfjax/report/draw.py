@@ -1,6 +1,7 @@
 """Panels of marks by Matplotlib."""
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 import matplotlib
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+DOTTED = re.compile("(\\w)\N{COMBINING DOT ABOVE}")  # not every font puts the dot above its letter
 DASHES = {"solid": "-", "dash": (0, (4, 3)), "dot": (0, (1, 1.2))}
 SYMBOLS = {"dot": ("o", 2.0), "cross": ("x", 7.0), "diamond": ("D", 4.5)}  # with their sizes, pt
 
@@ -90,14 +92,14 @@ def _draw_band(axes: "Axes", mark: Band, layer: float, panel: Panel) -> None:
 
 def _draw_note(axes: "Axes", mark: Note, layer: float) -> None:
     axes.annotate(
-        mark.text,
+        DOTTED.sub(r"$\\dot{\1}$", mark.text),
         (0.98, mark.at),
         xycoords=("axes fraction", "data"),
         xytext=(0, -3),  # a shell is narrower than a line of text in a low panel
         textcoords="offset points",
         ha="right",
         va="top",
-        fontsize=8,
+        fontsize=matplotlib.rcParams["font.size"] - 1,
         zorder=layer,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
     )

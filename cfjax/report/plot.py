@@ -13,32 +13,38 @@ from cfjax import coerce
 from cfjax.report.draw import draw, handles
 from cfjax.report.marks import Panel
 from cfjax.report.panels import shown_of
-from cfjax.report.style import STYLE
+from cfjax.report.style import PAPER, STYLE, WIDTHS
 from cfjax.result import Result
 from cfjax.rounded import margin_text
 
 
 POINTS = 100_000  # of all cars together
-WIDTH, TALLEST = 9.2, 5.2  # of the figure, in
+WIDTH, TALLEST = 9.2, 5.2  # of the figure, in, unless a width is asked for
+NARROW = 5.5  # in: a narrower figure has its panels below each other
+CM = 1 / 2.54  # in
+LEAST_WIDTH, MOST_WIDTH = 6.0, 60.0  # cm
 PAD = 0.07  # in, around every part
 WIDE = 1.75  # width over height of the plane, from which on the panels are below it
 AROUND = 1.25  # in: title, labels and legend
-BESIDE, PLANE_BESIDE = 3.4, 4.9  # in: the panels beside the plane, and what is left for it
-ROW = 6  # entries of the legend beside each other, at most
-PLANE_ABOVE, PLANE_TALLEST = 8.3, 4.2  # in: the plane above them
+BESIDE, PLANE_BESIDE = 0.37, 0.53  # of the width: the panels beside the plane, and what is left for it
+ENTRY = 1.5  # in: an entry of the legend
+MARGIN, PLANE_TALLEST = 0.9, 4.2  # in: the plane above the panels
 LEAST = 3.9  # in, of the whole
 LETTER = 0.075  # of the least height of a panel in a stack: of its title, which has to fit
 # of files by suffix: no dates and versions, so that the same picture is the same file
 UNDATED = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
-def save_picture(result: Result, path: Path) -> None:
-    """Write `plot(result)`, as PNG, SVG or PDF by the file's suffix."""
+def save_picture(result: Result, path: Path, width: str | float | None = None) -> None:
+    """Write `plot(result, width=width)`, as PNG, SVG or PDF by the file's suffix."""
+    figure = plot(result, width=width)
     with matplotlib.rc_context(STYLE):
-        _whole(result).savefig(path, metadata=UNDATED[path.suffix])
+        figure.savefig(path, metadata=UNDATED[path.suffix])
 
 
-def plot(result: Result, panel: str | None = None, axes: Axes | None = None) -> Figure:
+def plot(
+    result: Result, panel: str | None = None, axes: Axes | None = None, width: str | float | None = None
+) -> Figure:
     """The funnels along a path, or a tube, and the cars that were driven through, as a Matplotlib figure.
 
     `result.plot()` is the same. `result.plot().savefig("funnel.pdf")` writes it for a paper.
@@ -48,24 +54,34 @@ def plot(result: Result, panel: str | None = None, axes: Axes | None = None) -> 
         panel: one panel alone: "plane", "values" (V along the cars' ways), "input u0" and the other inputs,
             "curvature", "speed", "margins", "section 1" and so on, as far as the result has them. None: all of it.
         axes: where the panel is drawn. None: in a figure of its own.
+        width: of the figure for a paper, which has the title in its caption: "column" (8.8 cm), "page" (18.1 cm), or
+            cm. None: as wide as a screen shows well, with a title.
 
     Raises:
         InputError: where the result has no such panel.
     """
     coerce.instance("result", result, Result)
     coerce.optional("axes", axes, Axes)
-    with matplotlib.rc_context(STYLE):
+    wide = None if width is None else _inches(width)
+    with matplotlib.rc_context(PAPER if wide else STYLE):
         if axes is not None:
             draw(axes, _panel(result, panel))
             figure = axes.get_figure(root=True)
             assert figure is not None
             return figure
         if panel is None:
-            figure = _whole(result)
+            figure = _whole(result, wide)
         else:
-            figure = Figure(figsize=(PLANE_BESIDE, LEAST), layout="constrained", dpi=160)
+            own = wide or PLANE_BESIDE * WIDTH
+            figure = Figure(figsize=(own, own * LEAST / (PLANE_BESIDE * WIDTH)), layout="constrained", dpi=160)
             draw(figure.add_subplot(), _panel(result, panel))
         return figure
+
+
+def _inches(width: str | float) -> float:
+    """Raises InputError for what is no width."""
+    known = WIDTHS[coerce.one_of("width", width, WIDTHS)] if isinstance(width, str) else width
+    return CM * coerce.number("width", known, "cm", least=LEAST_WIDTH, most=MOST_WIDTH)
 
 
 def _panel(result: Result, name: str | None) -> Panel:
@@ -73,25 +89,27 @@ def _panel(result: Result, name: str | None) -> Panel:
     return panels[coerce.one_of("panel", name, panels)]
 
 
-def _whole(result: Result) -> Figure:
+def _whole(result: Result, width: float | None) -> Figure:
     groups = shown_of(result, POINTS).panels
     above = groups.get("plane", []) + groups.get("values", [])
+    title = "" if width else _title(result)
     if result.problem.path.tube:
-        return _tube(above, groups.get("sections", []), _title(result))
+        return _tube(above, groups.get("sections", []), title, width or WIDTH)
     profile = groups.get("profile", [])
-    return compose(above[0], [*above[1:], *profile, *(groups.get("margins", []) if profile else [])], _title(result))
+    along = [*above[1:], *profile, *(groups.get("margins", []) if profile else [])]
+    return compose(above[0], along, title, width or WIDTH)
 
 
-def compose(plane: Panel, along: Sequence[Panel], title: str) -> Figure:
+def compose(plane: Panel, along: Sequence[Panel], title: str, width: float = WIDTH) -> Figure:
     """The plane, which takes as much room as its shape asks for, and below or beside it panels over one axis."""
     shape = plane.shape
     assert shape is not None
     heights = [max(1.0, LETTER * len(panel.up.title)) for panel in along]
-    if shape > WIDE or not along:
-        columns = 2 if len(along) > 2 else 1  # the first on the left, the others on the right
+    if shape > WIDE or not along or width < NARROW:
+        columns = 2 if len(along) > 2 and width >= NARROW else 1  # the first on the left, the others on the right
         heights = heights[columns - 1 :]
-        above, below = min(PLANE_ABOVE / shape, PLANE_TALLEST), 0.5 + 1.15 * sum(heights) if along else 0.0
-        figure = _figure(above + below + AROUND, title)
+        above, below = min((width - MARGIN) / shape, PLANE_TALLEST), 0.5 + 1.15 * sum(heights) if along else 0.0
+        figure = _figure(above + below + AROUND, title, width)
         sizes = [above + 0.3, below] if along else [1.0]
         place, *rest = figure.add_gridspec(len(sizes), 1, height_ratios=sizes)
         places = []
@@ -102,9 +120,9 @@ def compose(plane: Panel, along: Sequence[Panel], title: str) -> Figure:
         if along[0].name == "values" and len(along) > 1:
             heights[0] = 1.9
         least = max(LEAST, AROUND + 0.9 * sum(heights))
-        tall = max(least, min(PLANE_BESIDE / shape + AROUND, TALLEST))
-        figure = _figure(tall, title)
-        widths = [min(PLANE_BESIDE, (tall - AROUND) * shape) + 0.5, BESIDE]
+        tall = max(least, min(PLANE_BESIDE * width / shape + AROUND, TALLEST))
+        figure = _figure(tall, title, width)
+        widths = [min(PLANE_BESIDE * width, (tall - AROUND) * shape) + 0.5, BESIDE * width]
         place, beside = figure.add_gridspec(1, 2, width_ratios=widths)
         inner = beside.subgridspec(len(along), 1, height_ratios=heights)
         places = [inner[k] for k in range(len(along))]
@@ -118,10 +136,12 @@ def compose(plane: Panel, along: Sequence[Panel], title: str) -> Figure:
     return _with_legend(figure, plane, *along)
 
 
-def _tube(above: list[Panel], sections: list[Panel], title: str) -> Figure:
+def _tube(above: list[Panel], sections: list[Panel], title: str, width: float) -> Figure:
     """Where cars were driven, one of the paths and V; the sections below."""
-    figure = _figure(6.4 if above else LEAST, title)
     rows = [row for row in (above, sections) if row]
+    if width < NARROW:
+        rows = [*([panel] for panel in above), *(sections[k : k + 2] for k in range(0, len(sections), 2))]
+    figure = _figure(1.4 + 2.5 * len(rows), title, width)
     grid = figure.add_gridspec(max(1, len(rows)), 1)
     for k, row in enumerate(rows):
         parts = grid[k].subgridspec(1, len(row))
@@ -132,14 +152,17 @@ def _tube(above: list[Panel], sections: list[Panel], title: str) -> Figure:
 
 def _with_legend(figure: Figure, *panels: Panel) -> Figure:
     if entries := handles(*panels):
-        columns = math.ceil(len(entries) / math.ceil(len(entries) / ROW))
-        figure.legend(handles=entries, loc="outside lower left", ncols=columns, fontsize=8, handlelength=1.6)
+        most = int(figure.get_figwidth() / ENTRY)
+        columns = math.ceil(len(entries) / math.ceil(len(entries) / most))
+        size = matplotlib.rcParams["font.size"] - 1
+        figure.legend(handles=entries, loc="outside lower left", ncols=columns, fontsize=size, handlelength=1.6)
     return figure
 
 
-def _figure(height: float, title: str) -> Figure:
-    figure = Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD), dpi=160)
-    figure.suptitle(title, fontsize=10)
+def _figure(height: float, title: str, width: float) -> Figure:
+    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PAD, h_pad=PAD), dpi=160)
+    if title:
+        figure.suptitle(title, fontsize=10)
     return figure
 
 

@@ -197,13 +197,24 @@ def confirmed(result: Result, folder: Path, check: Check = check_file) -> Result
     Raises:
         InputError: where the checker does not accept what the result claims.
     """
+    return as_proven(result, lambda: check(folder), str(folder / RESULT))
+
+
+def as_proven(result: Result, ask: Callable[[], Report], name: str) -> Result:
+    """The result called `name`, with claims that the checker's answer bears: its own, not those that were given.
+
+    `ask` has the certificate checked, where the result claims something.
+
+    Raises:
+        InputError: where the checker does not accept what the result claims.
+    """
     if result.verdict not in PROVES:
         return _without_claim(result, result.verdict, result.message).replace(robustness=None)
-    report = check(folder)
+    report = ask()
     wanted = PROVES[result.verdict]
     if report.outcome is not wanted or (wanted is Outcome.PROVEN and len(report.margins) != len(result.segments)):
         raise InputError(
-            f"{folder / RESULT}: expected what the certificate proves, got {result.verdict.value}, "
+            f"{name}: expected what the certificate proves, got {result.verdict.value}, "
             f"which the exact checker does not accept: {report.message}"
         )
     result = result.replace(message=report.message, account=report.paragraphs, robustness=None)

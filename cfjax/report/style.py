@@ -23,7 +23,15 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "legend.frameon": False,
     "svg.hashsalt": "cfjax",  # the same picture is the same file
+    "pdf.fonttype": 42,  # publishers refuse the other one
 }
+PAPER: dict[Any, Any] = {  # pictures that are as wide as a column or page: letters as in the text around them
+    **STYLE,
+    "font.size": 8,
+    "font.family": ["STIXGeneral", "DejaVu Serif"],
+    "mathtext.fontset": "stix",
+}
+WIDTHS = {"column": 8.8, "page": 18.1}  # cm, of a journal in two columns
 
 
 def rotation(alpha: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 2 2"]:

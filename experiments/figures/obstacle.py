@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 
 from cfjax.report.draw import draw, handles
 from cfjax.report.plane import Plane
-from cfjax.report.style import FAILED_COLOUR, STYLE
+from cfjax.report.style import FAILED_COLOUR, SERIES_COLOURS, STYLE
 from cfjax.simulation.sampled import SampledLoop
 from cfjax.simulation.starts import in_world
 from cfjax.simulation.track import track_of
@@ -28,7 +28,7 @@ REACH = 4.0  # of the deviations, times the funnel's head
 ROUNDING = 2e-3  # m: the region is drawn with polygons
 SHOWN = 6  # cars of each kind
 TITLES = ("guaranteed", "not guaranteed, but safe", "not guaranteed, unsafe")
-HIT_COLOUR, UNSAFE_COLOUR, SAFE_COLOUR = FAILED_COLOUR, "#e8590c", "#2b8a3e"
+HIT_COLOUR, UNSAFE_COLOUR, SAFE_COLOUR = FAILED_COLOUR, *SERIES_COLOURS[1:3]
 GOES_ON = 0.5  # m around the path's end: there the region ends, and a body beyond it is not held against a car
 
 

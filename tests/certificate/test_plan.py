@@ -119,6 +119,7 @@ def test_as_few_stretches_as_the_target_needs(bend: tuple[Problem, Segment, Funn
     assert counts == sorted(counts, reverse=True) and counts[0] > counts[-1]
 
 
+@pytest.mark.slow
 def test_a_target_out_of_reach_is_lowered(bend: tuple[Problem, Segment, Funnel]) -> None:
     problem, segment, funnel = bend
     few = plan(problem, segment, funnel, 0.95 * MARGIN, 1.0, 4)

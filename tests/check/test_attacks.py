@@ -44,6 +44,7 @@ def run(folder: Path, texts: tuple[str, ...], *options: str) -> list[dict[str, A
     return [json.loads(line) for line in log.read_text().splitlines()]
 
 
+@pytest.mark.slow
 def test_nothing_false_is_accepted(
     campaign: ModuleType, tmp_path: Path, paper_text: str, contracting_text: str, tube_text: str, lap_text: str
 ) -> None:
@@ -80,6 +81,7 @@ def test_nothing_false_is_accepted_of_a_path_with_its_tubes(campaign: ModuleType
         assert campaign.is_true(document) == expected
 
 
+@pytest.mark.slow
 def test_nothing_false_is_accepted_beside_obstacles(campaign: ModuleType, tmp_path: Path) -> None:
     pole = Disc(2.6, 0.0, 0.3)
     text = json.dumps(chain_document(follow(circle(1.5, 1.2), closed=True, obstacles=[pole], footprint=[[0.2, 0.1]])))
@@ -92,6 +94,7 @@ def test_nothing_false_is_accepted_beside_obstacles(campaign: ModuleType, tmp_pa
     assert {entry["outcome"] for entry in entries} >= {"true, accepted"}
 
 
+@pytest.mark.slow
 def test_the_truth_sees_what_is_false_of_a_lap(campaign: ModuleType, lap_text: str) -> None:
     """Joints, the lap, legs, obstacles and θ are looked at, not only what a steady segment has."""
     assert campaign.is_true(json.loads(lap_text)) == ""

@@ -155,6 +155,7 @@ def _decrease(
     )
 
 
+@pytest.mark.slow
 def test_joints_and_obstacles_are_true(lap: Document) -> None:
     problem, rng = lap_problem(), np.random.default_rng(1)
     directions = rng.normal(size=(4000, 4))

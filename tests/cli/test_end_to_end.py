@@ -79,6 +79,7 @@ def test_nothing_found_is_inconclusive_and_leaves_no_certificate(command: Comman
     assert (folder / "funnel.png").exists()
 
 
+@pytest.mark.slow
 def test_thin_shell_has_a_tracking_funnel(command: Command, tmp_path: Path) -> None:
     run = command("+path=straight", "method=tt", "template=paper", "beta_lower=0.98", "cars=100", "logger=wandb")
     assert run.returncode == 0, run.stderr
@@ -90,6 +91,7 @@ def test_thin_shell_has_a_tracking_funnel(command: Command, tmp_path: Path) -> N
     assert result["margin"]["certified"] > 0.06
 
 
+@pytest.mark.slow
 def test_a_tube_ends_certified(command: Command, tmp_path: Path) -> None:
     """One funnel for every path within bounds: the files say so, the checker too, and there is no reference.csv."""
     bounds = ["path.speed=[1,2]", "path.curvature=1.8", "sets.inlet=0.15", "sets.goal=0.25", "beta_inner=0.5"]

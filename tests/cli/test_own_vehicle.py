@@ -57,6 +57,7 @@ def module(tmp_path: Path) -> str:
     return name
 
 
+@pytest.mark.slow
 def test_a_unicycle_is_certified_checked_driven_and_exported(
     train: Callable[..., int], tmp_path: Path, module: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -87,6 +88,7 @@ def test_a_unicycle_is_certified_checked_driven_and_exported(
         read_run(folder, f"{module}_b.Unicycle")
 
 
+@pytest.mark.slow
 def test_a_unicycle_drives_along_points_in_a_tube(train: Callable[..., int], tmp_path: Path, module: str) -> None:
     """Checked, driven and exported as the car of the package is; its inputs may be held as long as is proven."""
     points = np.stack([np.linspace(0, 6, 13), 0.3 * np.sin(np.linspace(0, 3, 13))], axis=1)
@@ -187,6 +189,7 @@ def test_deviations_are_those_of_the_inertial_model(vehicle: Vehicle) -> None:
         np.testing.assert_allclose(deviation_rate(vehicle, tuple(x), (u0, *u), point), expected, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_car_with_its_steering_as_a_state_is_certified(train: Callable[..., int], tmp_path: Path) -> None:
     own = ("vehicle=custom", "vehicle.target=experiments.vehicles.steered_car.SteeredCar")
     sets = ("sets.inlet=0.2", "sets.goal=0.6", "sets.safe=[1,1,1,3,0.7]")
@@ -239,6 +242,7 @@ SLIPPING = (
 )
 
 
+@pytest.mark.slow
 def test_a_car_with_tyres_is_certified_and_driven(
     train: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -269,6 +273,7 @@ def test_a_steady_turn_on_tyres_stays_one() -> None:
 # --- a vehicle that does not look along the path
 
 
+@pytest.mark.slow
 def test_a_front_axle_is_certified_and_driven(train: Callable[..., int], tmp_path: Path) -> None:
     """Its body looks to the outside of the circle, its authority over V has terms beyond the identity's degree."""
     own = ("vehicle=custom", "vehicle.target=experiments.vehicles.front_axle.FrontAxleCar")

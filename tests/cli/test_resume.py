@@ -64,6 +64,7 @@ def test_a_run_of_another_question_answers_for_no_job(train: Callable[..., int],
     assert pl.read_csv(tmp_path / "sw" / "table.csv")["verdict"].to_list()[1] == "bad input"
 
 
+@pytest.mark.slow
 def test_a_job_whose_log_was_cut_off_is_logged_again(
     train: Callable[..., int], quick: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +86,7 @@ def test_a_job_whose_log_was_cut_off_is_logged_again(
     assert len(logged) == 4
 
 
+@pytest.mark.slow
 def test_hydras_own_files_may_be_cut_off(train: Callable[..., int], quick: None, tmp_path: Path) -> None:
     """They are the only ones that are not written whole; a finished job needs none of them, and all are made anew."""
     assert train(*SWEEP) == 0

@@ -91,6 +91,7 @@ def test_waypoints_travel_with_the_run(
     assert read_run(folder).problem.path.source == problem.path.source  # not that of the copy
 
 
+@pytest.mark.slow
 def test_waypoints_of_every_job_of_a_sweep(
     train: Callable[..., int], quick: None, write: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -161,6 +162,7 @@ def _sweep(tmp_path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_sweep_ends_with_a_table(
     train: Callable[..., int], quick: None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -112,6 +112,7 @@ def test_obstacles_are_cleared_where_no_sampled_body_touches_them(obstacles, foo
     assert decided == {True, False}
 
 
+@pytest.mark.slow
 def test_the_figure_eight_is_learned_as_a_chain_that_closes() -> None:
     problem = Problem(figure_eight(), safe=Box((1.0, 1.0, 1.0, 3.0)), method=Method.TT)
     found = learn(problem, CONTRACTING)

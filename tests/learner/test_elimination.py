@@ -25,6 +25,7 @@ def found() -> Result:
     return cfjax.synthesize(problem_of(config), options_of(config))
 
 
+@pytest.mark.slow
 def test_the_circle_is_certified_by_elimination(found: Result) -> None:
     assert found.verdict is cfjax.Verdict.CERTIFIED, found.message
     assert found.margin_certified is not None and found.margin_certified > 0
@@ -34,6 +35,7 @@ def test_the_circle_is_certified_by_elimination(found: Result) -> None:
     assert (loop.left_funnel, loop.left_safe, loop.missed_goal) == (0, 0, 0)
 
 
+@pytest.mark.slow
 def test_figures_of_the_search_are_in_the_run_folder(found: Result, tmp_path: Path) -> None:
     assert found.search["learner"] == "polytope" and "a funnel of margin" in found.search["shown"]
     (run,) = found.search["runs"]

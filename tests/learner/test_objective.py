@@ -1,6 +1,7 @@
 """Tubes and objectives: what is learned keeps the sets, and is as wide, narrow or fast as was asked."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ POSITION = (3.0, 0.25, 0.25, 20.0)  # G of the position alone
 SMALL = Problem(tube(1.8, 2.0), inlet=ball(0.05), goal=ball(0.25), method=Method.TT)
 
 
+@cache
 def learned(problem: Problem, **options: float) -> Learned:
     found = learn(problem, TEMPLATE, **options)
     assert found is not None
@@ -40,6 +42,7 @@ def test_margins_of_the_trials_are_passed(method: Method, before: float) -> None
     holds(problem, found)
 
 
+@pytest.mark.slow
 def test_speed_does_not_matter_to_path_following() -> None:
     """From 1 to 10π m/s with accelerations the margin per metre is that at 1 m/s alone; for tracking it is lost."""
     wide = Problem(tube(1.8, Interval(1.0, 31.4159), 1.0), inlet=ball(0.15), goal=ball(0.25))
@@ -74,6 +77,7 @@ def test_a_tube_without_a_goal_is_as_good_and_wider() -> None:
     assert min(worst.values()) > 0
 
 
+@pytest.mark.slow
 def test_asymmetric_tubes_are_learned_for_both_ends() -> None:
     problem = replace(SMALL, path=tube(Interval(-0.5, 2.0), 2.0))
     found = learned(problem)
@@ -81,6 +85,7 @@ def test_asymmetric_tubes_are_learned_for_both_ends() -> None:
     holds(problem, found)
 
 
+@pytest.mark.slow
 def test_width_is_the_least_that_has_the_margin() -> None:
     target = 0.9 * learned(SMALL).margin
     options = {"candidates": 4}
@@ -96,6 +101,7 @@ def test_width_is_the_least_that_has_the_margin() -> None:
     assert narrow is None or narrow.margin < 1.01 * target
 
 
+@pytest.mark.slow
 def test_inlet_grows_until_the_margin_is_used_up() -> None:
     target = 0.5 * learned(SMALL).margin
     problem, found = learn_for(Objective("inlet", target), target, SMALL, TEMPLATE)

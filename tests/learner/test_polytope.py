@@ -355,6 +355,7 @@ def test_tracking_and_a_speed_that_varies() -> None:
     assert len(np.unique(run.witnesses.theta)) > 1
 
 
+@pytest.mark.slow
 def test_an_obstacle_beside_the_road() -> None:
     problem = Problem(straight(), obstacles=(Disc(1.0, 0.92, 0.3),))
     assert problem.safe is None

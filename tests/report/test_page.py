@@ -1,20 +1,21 @@
 """The page of a run, in a browser: it says what the result says, shows it, and asks nobody for anything."""
 
 import json
-import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import fmpq
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
+import cfjax.report.page.page
 from cfjax.check import Report
 from cfjax.conf import preset, problem_of, yaml_of
+from cfjax.errors import InputError
 from cfjax.problem import Problem
 from cfjax.report.__main__ import main
 from cfjax.report.files import write_error
@@ -29,11 +30,7 @@ from tests.shapes import eight
 Make = Callable[..., Result]  # hand_made
 
 MOST_BYTES = 5_900_000
-CHROMIUM = shutil.which("chromium")
-FLAGS = (
-    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync", "--no-first-run"),
-)
+SVG = ("--picture", "svg")
 WORST = (WorstPlace(0, "d", 0.25, 0.5, (0.1, 0.2, 0.3, 0.1)), WorstPlace(0, "a", 0.125, 0.0, (0.5, 0.0, 0.0, 0.0)))
 
 
@@ -68,17 +65,6 @@ def _tube(result: Result) -> Result:
     inputs = np.ones((40, 1, 3)) * np.array([1.0, 0.2, 0.0])
     cars = Rollouts(way, way, x, np.full((40, 1), 0.3), inputs, poses)
     return result.replace(verdict=Verdict.CERTIFIED, rollouts=(cars,))
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if CHROMIUM is None and not os.environ.get("CI"):
-        pytest.skip("no browser: install chromium")
-    assert CHROMIUM, "no browser: install chromium"
-    with sync_playwright() as playwright:
-        own = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-        yield own
-        own.close()
 
 
 def _opened(browser: Browser, file: Path, width: int = 1280, touch: bool = False) -> Page:
@@ -132,6 +118,55 @@ def test_a_certified_run_on_a_desk_and_on_a_phone(browser: Browser, hand_made: M
     wide = "[...document.querySelectorAll('.figure')].map((f) => f.getBoundingClientRect().right)"
     assert max(phone.evaluate(wide)) <= 390
     phone.close()
+
+
+def test_a_result_without_a_folder_has_its_page(
+    hand_made: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It says what the checker says of the certificate's text, and leaves out what only a folder's files prove."""
+    asked: list[dict[str, object]] = []
+
+    def proves(document: dict[str, object]) -> Report:
+        asked.append(document)
+        return by_hand.proven(fmpq(5, 16))
+
+    monkeypatch.setattr(cfjax.report.page.page, "check_document", proves)
+    alone = Absorbed(0.0015, (0.3,) * 4, (0.1,) * 4, 0.0005)
+    claimed = _certified(hand_made(problem_of(preset("obstacle")))).replace(
+        message="what it claims", robustness=Robustness(alone, 0.5, alone, 0.5)
+    )
+    file = tmp_path / "own.html"
+    (tmp_path / "config.yaml").write_text("of another run")
+    assert claimed.report(str(file)) == file
+    text = file.read_text()
+    assert asked == [claimed.document]
+    assert "Proven. The exact checker accepted the certificate." in text
+    assert "cfjax.check.check_document(result.document)" in text
+    assert re.search(r"<dd>0\.3125 <small>1/s", text)
+    for absent in ("what it claims", "of another run", "robustness.json", "python -m cfjax.check"):
+        assert absent not in text
+    assert [entry.name for entry in tmp_path.iterdir() if entry != file] == ["config.yaml"]
+
+
+def test_a_page_claims_nothing_that_the_checker_refuses(hand_made: Make, tmp_path: Path) -> None:
+    for forged in (_certified(hand_made(problem_of(preset("circle")))), hand_made(problem_of(preset("circle")))):
+        claimed = forged.replace(verdict=Verdict.CERTIFIED)
+        with pytest.raises(InputError, match="result: expected what the certificate proves, got certified"):
+            claimed.report(tmp_path / "report.html")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_page_goes_into_a_new_folder_or_says_why_not(hand_made: Make, tmp_path: Path) -> None:
+    result = hand_made(problem_of(preset("circle")), segments=(), closed_loop=None)
+    file = result.report()
+    try:
+        assert "Nothing is proven" in file.read_text()
+        assert file.name == "report.html"
+    finally:
+        shutil.rmtree(file.parent)
+    for wrong, line in ((tmp_path, "path: expected the name of a file"), (tmp_path / "no" / "r.html", "cannot write")):
+        with pytest.raises(InputError, match=line):
+            result.report(wrong)
 
 
 def test_nothing_proven_and_a_tube(browser: Browser, hand_made: Make, tmp_path: Path) -> None:
@@ -223,6 +258,12 @@ def test_the_command_writes_pages_and_the_index_of_a_sweep(
         str(tmp_path / "0" / name) for name in ("report.html", "funnel.svg")
     ]
     assert "<svg" in (tmp_path / "0" / "funnel.svg").read_text()[:1000]
+    assert main([str(tmp_path / "0"), "--picture", "svg", "--width", "column"]) == 0
+    assert f'width="{8.8 / 2.54 * 72:.2f}'[:-1] in (tmp_path / "0" / "funnel.svg").read_text()[:1000]
+    capsys.readouterr()
+    for flags, said in ((["--width", "8"], "--width: expected --picture"), (["--width", "2", *SVG], "width: expected")):
+        assert main([str(tmp_path / "0"), *flags]) == 2
+        assert said in capsys.readouterr().err
     page = _opened(browser, tmp_path / "index.html", width=390, touch=True)
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     text = page.inner_text("body")

@@ -130,7 +130,7 @@ def _without_candidate(result: Result) -> Result:
 PATHS = [name for name in preset_names() if name not in ("waypoints", "tube")]
 
 
-def _all_in_place(result: Result, draw: Callable[[Result], Figure] = plot) -> None:
+def _all_in_place(result: Result, draw: Callable[[Result], Figure] = plot, titled: bool = True) -> None:
     """Axes and what belongs to them lie in the figure and beside each other; metres are as long in y as in x."""
     with matplotlib.rc_context(STYLE):
         figure = draw(result)
@@ -139,8 +139,9 @@ def _all_in_place(result: Result, draw: Callable[[Result], Figure] = plot) -> No
         renderer = canvas.get_renderer()
         boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
         boxes += [legend.get_window_extent(renderer) for legend in figure.legends]
-        assert figure._suptitle is not None  # pyright: ignore[reportAttributeAccessIssue]
-        boxes.append(figure._suptitle.get_window_extent(renderer))  # pyright: ignore[reportAttributeAccessIssue]
+        assert bool(figure.get_suptitle()) == titled
+        if titled:
+            boxes.append(figure._suptitle.get_window_extent(renderer))  # pyright: ignore[reportAttributeAccessIssue]
         for box in boxes:
             assert box.x0 >= -1 and box.y0 >= -1
             assert box.x1 <= figure.bbox.width + 1 and box.y1 <= figure.bbox.height + 1
@@ -170,6 +171,38 @@ def test_long_titles_have_room(hand_made: Make, name: str) -> None:
 def test_a_long_chain_with_varying_speed(hand_made: Make, write: Callable[..., Path]) -> None:
     config = preset("waypoints", [f"path.file={write(eight())}", "path.closed=true", "path.speed=3"])
     _all_in_place(_certified(hand_made(problem_of(config))))
+
+
+@pytest.mark.parametrize("width", ["column", "page", 12.0])
+@pytest.mark.parametrize("name", ["circle", "obstacle", "oval", "straight"])
+def test_for_a_paper_all_is_in_place_too(hand_made: Make, name: str, width: str | float) -> None:
+    result = _certified(hand_made(_problem(name)))
+
+    def drawn(result: Result) -> Figure:
+        return result.plot(width=width)
+
+    _all_in_place(result, drawn, titled=False)  # which is the caption's part
+    figure = drawn(result)
+    assert figure.get_figwidth() * 2.54 == pytest.approx({"column": 8.8, "page": 18.1}.get(str(width), width))
+    assert {text.get_fontsize() for axes in figure.axes for text in axes.get_xticklabels()} == {8}
+    assert figure.axes[0].xaxis.label.get_fontname() == "STIXGeneral"
+
+
+def test_sections_of_a_tube_stand_two_in_a_row_in_a_column(hand_made: Make) -> None:
+    figure = hand_made(_problem("tube")).plot(width="column")
+    rows = [axes.get_subplotspec().get_topmost_subplotspec().rowspan.start for axes in figure.axes]
+    assert rows == [0, 0, 1]
+
+
+def test_a_width_that_is_none_is_one_line(hand_made: Make) -> None:
+    made = hand_made(_problem("circle"))
+    for wrong, line in (
+        ("wide", "one of column, page"),
+        (2.0, "at least 6 and at most 60"),
+        (900.0, "at least 6 and at most 60"),
+    ):
+        with pytest.raises(InputError, match=f"width: .*{line}"):
+            made.plot(width=wrong)
 
 
 def test_picture_is_a_file(hand_made: Make, tmp_path: Path) -> None:

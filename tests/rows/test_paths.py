@@ -21,6 +21,7 @@ def certified(problem: Problem, **options: object) -> Result:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", BEST_KNOWN)
 def test_the_hard_rows_are_certified(row: str) -> None:
     result = certified(problem_of(preset(row)))
@@ -39,6 +40,7 @@ def test_the_hard_rows_are_certified(row: str) -> None:
         assert ", clear of the obstacles" in result.message
 
 
+@pytest.mark.slow
 def test_the_oval_by_a_tube_of_its_own() -> None:
     """Tracking, to be quick: learned for the bounds of the oval, it holds from I to G, and round and round."""
     problem = problem_of(preset("oval", ["method=tt"]))

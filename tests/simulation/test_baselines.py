@@ -101,6 +101,7 @@ def test_geometric_trackers_reach_the_path(path: Path, number: int) -> None:
     assert float(jnp.abs(x[jnp.array([2, 3])]).max()) < 0.05
 
 
+@pytest.mark.slow
 def test_mpc_is_the_demonstrator() -> None:
     """Iterated long enough the inputs are the demonstrated ones, a batch of cars as a batch of problems."""
     problem, track = course(circle())

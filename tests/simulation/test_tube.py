@@ -112,6 +112,7 @@ def test_steps_are_fine_enough() -> None:
     assert np.median(np.abs(coarse - fine)) < 1e-6
 
 
+@pytest.mark.slow
 def test_sharper_turns_than_the_tube_allows_throw_cars_out() -> None:
     wild = dataclasses.replace(TUBE, curvature=Interval(-3.6, 3.6))  # the car's own is 1/0.34 m = 2.94 1/m
     law = law_numbers(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)

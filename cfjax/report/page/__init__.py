@@ -7,9 +7,9 @@ from cfjax.lazy import on_first_use
 
 if TYPE_CHECKING:
     from cfjax.report.page.index import write_index
-    from cfjax.report.page.page import save_page
+    from cfjax.report.page.page import save_page, write_report
 
 
-__all__ = ["save_page", "write_index"]
+__all__ = ["save_page", "write_index", "write_report"]
 
 __getattr__ = on_first_use(__name__)

@@ -1,6 +1,7 @@
 """From a result to report.html: what is said and shown, in order; the page itself is `page.html.j2` with its style."""
 
 import json
+import tempfile
 import time
 from dataclasses import asdict
 from importlib import resources
@@ -9,11 +10,16 @@ from typing import Any
 
 import jinja2
 
-from cfjax.report.files import CONFIG, RESULT, read_json, versions
+from cfjax import coerce
+from cfjax.certificate.writing import dump
+from cfjax.check import check_document
+from cfjax.errors import InputError
+from cfjax.report.files import CONFIG, REPORT, RESULT, read_json, versions, write_whole
 from cfjax.report.page import tables
 from cfjax.report.page.figure import Figure, figure_of
 from cfjax.report.page.space import space_of
 from cfjax.report.panels import shown_of
+from cfjax.report.run_folder import as_proven
 from cfjax.result import Result
 from cfjax.verdict import Verdict
 
@@ -44,6 +50,31 @@ def save_page(result: Result, path: Path) -> None:
     config = (folder / CONFIG).read_text("utf-8") if (folder / CONFIG).exists() else ""
     known = read_json(folder / RESULT)["versions"] if (folder / RESULT).exists() else versions()
     path.write_text(page_of(result, config, known), encoding="utf-8")
+
+
+def write_report(result: Result, path: Path | str | None = None) -> Path:
+    """Write the page of a result that need not lie in a run folder, and return where it is; `result.report()` does it.
+
+    What the result claims is checked first, from the text of its certificate, and the page repeats the checker's
+    account. What funnels absorb is proven in run folders: their pages are `python -m cfjax.report FOLDER`.
+
+    Args:
+        result: what `cfjax.synthesize` returned, for example.
+        path: of the page; one that is there is replaced. None: `report.html` in a new temporary folder.
+
+    Raises:
+        InputError: where the checker does not accept what the result claims, or the page cannot be written.
+    """
+    coerce.instance("result", result, Result)
+    shown = as_proven(result, lambda: check_document(json.loads(dump(result.document or {}))), "result")
+    file = Path(tempfile.mkdtemp(prefix="cfjax-")) / REPORT if path is None else coerce.file("path", path)
+    if file.is_dir():
+        raise InputError(f"path: expected the name of a file, got the folder {file}")
+    try:
+        write_whole(file, page_of(shown, "", versions()).encode())
+    except OSError as error:
+        raise InputError(f"path: cannot write to {file} ({error.strerror or error})") from error
+    return file
 
 
 def page_of(result: Result, config: str, known: dict[str, str]) -> str:

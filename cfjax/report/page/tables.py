@@ -16,7 +16,7 @@ from cfjax.verdict import Verdict
 Rows = list[tuple[str, ...]]
 
 MEANING = {
-    Verdict.CERTIFIED: "Proven. The exact checker accepted the certificate as it lies on disk. Its own account:",
+    Verdict.CERTIFIED: "Proven. The exact checker accepted the certificate. Its own account:",
     Verdict.REFUTED: "Proven to fail. The checker confirms a witness against this candidate; others may do:",
     Verdict.INCONCLUSIVE: "Nothing is proven, neither that this funnel works nor that none exists. What was found:",
     Verdict.SOLVER_FAILED: "Nothing is proven: a numerical solver gave no usable answer. What it said:",
