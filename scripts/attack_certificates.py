@@ -597,6 +597,7 @@ def claim_turned(rng: random.Random, document: Document) -> Document:
     scale = rng.choice([0.1, 0.3, 0.5, 1, 3])
     document |= {
         "claim": "refutation",
+        "joints": [],
         "witness": {
             "condition": rng.choice("abcd"),
             "leg": rng.randrange(max(len(document["legs"]), 1)),

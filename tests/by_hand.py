@@ -14,8 +14,8 @@ from cfjax.check.funnel import LAW_SHARE, FunnelClaim
 from cfjax.check.graph import Graph
 from cfjax.check.level import Contracting
 from cfjax.check.piece import Piece
+from cfjax.check.problem import Course, ProblemClaim
 from cfjax.check.proven import Proven
-from cfjax.check.question import Course, ProblemClaim
 from cfjax.check.rational import rational
 from cfjax.check.reference import ExactPose, Reference
 from cfjax.check.surroundings import Surroundings

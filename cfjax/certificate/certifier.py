@@ -30,8 +30,8 @@ from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.check.legs import Joint, from_zero, gaps
 from cfjax.check.meaning import require_meaning
 from cfjax.check.piece import Piece
+from cfjax.check.problem import ProblemClaim, read_problem
 from cfjax.check.proof import prove_sets
-from cfjax.check.question import ProblemClaim, read_problem
 from cfjax.check.rational import float_below
 from cfjax.check.reader import Broken, Unreadable
 from cfjax.check.symbolic import symbolic
@@ -244,7 +244,8 @@ def _prove_sets(
     for before, after, gap in gaps(claims.legs, course.closed):
         ratio = widest_ratio(before.funnel.shape, after.funnel.shape)
         if ratio is None or not Joint(before, after, gap, ratio).is_entered(fmpq(1)):
-            reason = f"the end of the funnel of segment {before.index} does not lie inside the start of the next"
+            where = f"from segment {before.index} to segment {after.index}"
+            reason = f"{where}: the end of the funnel does not lie inside the start of the next"
             end = problem.path.segments[before.index].duration
             raise fail(reason, place_on(problem.path, before.index, end, end))
         ratios.append(ratio)

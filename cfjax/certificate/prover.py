@@ -24,8 +24,8 @@ from cfjax.check.decrease import Cell, SteadyDecrease
 from cfjax.check.enclosure import TooLarge
 from cfjax.check.hints import CellHints, CellKey
 from cfjax.check.piece import Piece
+from cfjax.check.problem import ProblemClaim
 from cfjax.check.proof import signs_text
-from cfjax.check.question import ProblemClaim
 from cfjax.check.rational import decimal_text, dyadic
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure

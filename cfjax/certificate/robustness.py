@@ -22,7 +22,7 @@ from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
 from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds
-from cfjax.check.descent import question_of, told_of
+from cfjax.check.descent import held_question, told_of
 from cfjax.check.document import Certificate, Claims, read_certificate
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
@@ -73,13 +73,13 @@ def _funnel_hints(certificate: Certificate, index: int, solver: Solver) -> dict[
     claims, own = certificate.claims, certificate.hints[index]
     model, legs, course = claims.models[index], claims.legs_of(index), claims.problem.course
     if own.duration is not None:
-        question = question_of(claims, index, own.mirror, told_of(claims.driven[index], None))
+        question = held_question(claims, index, own.mirror, told_of(claims.driven[index], None))
         ends = [stretch.end for stretch in own.stretches if stretch.end is not None]
         return {"bounds": None, "stretches": hints_along(question, legs, ends, solver)}
-    held = own.stretches[0].bounds.scaled(model.length, model.speed)
+    held = model.as_driven(own.stretches[0].bounds)
     bounds = course if isinstance(course, Bounds) else bounds_along(legs, held)
-    question = question_of(claims, index, own.mirror, told_of(claims.driven[index], bounds))
-    as_proven = bounds.scaled(1 / model.length, 1 / model.speed)
+    question = held_question(claims, index, own.mirror, told_of(claims.driven[index], bounds))
+    as_proven = model.as_proven(bounds)
     return {"bounds": write_bounds(bounds), "stretches": hints_within(question, as_proven, solver)}
 
 

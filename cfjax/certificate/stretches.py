@@ -19,8 +19,8 @@ from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.hints import MOST_MONOMIALS
 from cfjax.check.piece import Piece, between
+from cfjax.check.problem import ProblemClaim
 from cfjax.check.proof import Question
-from cfjax.check.question import ProblemClaim
 from cfjax.check.symbolic import symbolic
 
 

@@ -42,11 +42,6 @@ class Bounds:
     curvature_rate: Range | None = None
 
     @property
-    def duration(self) -> fmpq:
-        """Nothing of them goes with θ, which is nowhere in their proof."""
-        return fmpq(0)
-
-    @property
     def intervals(self) -> dict[str, Range]:
         """Those that there are, by name."""
         named = {"curvature": self.curvature, "speed": self.speed, "acceleration": self.acceleration}

@@ -25,7 +25,7 @@ HEADING = "alpha"
 class Asked(NamedTuple):
     """The sets that one funnel is asked about: half-axes of I and G, half-widths of S, one per state.
 
-    None where nothing is asked: in the middle of a chain it is the links that are proven instead.
+    None where nothing is asked: of funnels between the first and the last one the joints are proven instead.
     """
 
     inlet: Sequence[fmpq] | None

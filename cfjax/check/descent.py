@@ -32,7 +32,7 @@ from cfjax.check.document import Certificate, Claims
 from cfjax.check.enclosure import Budget
 from cfjax.check.funnel import FunnelClaim
 from cfjax.check.held_hints import FunnelHints
-from cfjax.check.legs import Joint, gaps
+from cfjax.check.legs import Joint, different, joints_of
 from cfjax.check.proof import MOST_EFFORT, Question, dynamics_of
 from cfjax.check.rational import decimal_text, dyadic, rational, sqrt_lower
 from cfjax.check.reader import Broken
@@ -130,7 +130,7 @@ class Descent:
         return level
 
 
-def question_of(claims: Claims, index: int, mirror: tuple[int, ...] | None, told: Told) -> Question:
+def held_question(claims: Claims, index: int, mirror: tuple[int, ...] | None, told: Told) -> Question:
     """What is asked of a funnel while inputs are held: with margins as they are told, and all that the car can do.
 
     `mirror` are the signs of its proof, which need not be those of what the car can do.
@@ -141,6 +141,7 @@ def question_of(claims: Claims, index: int, mirror: tuple[int, ...] | None, told
     problem, funnel, model = claims.problem, claims.funnels[index], claims.models[index]
     factors = model.input_factors(problem.vehicle)
     box = {name: (low / factors[name], high / factors[name]) for name, (low, high) in problem.inputs.items()}
+    assert tuple(box) == tuple(model.inputs)  # as is proven; signs of a mirror are in this order
     able = replace(model, inputs=box)
     dynamics = dynamics_of(model)
     is_kept = mirror is not None and is_mirror(dynamics, able.vehicle.states, box, funnel.shape, mirror)
@@ -187,7 +188,7 @@ def bounds_over(certificate: Certificate, hints: Sequence[FunnelHints]) -> Bound
         if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
             raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
         return BoundsOver(rates, lambda amounts: least_level(rates, amounts), (held[0].told,), bands)
-    joints = [Joint(*gap, ratio) for gap, ratio in zip(gaps(claims.legs, problem.is_lap), claims.ratios, strict=True)]
+    joints = joints_of(claims.legs, problem.is_lap, claims.ratios)
     ways = [leg.length for leg in claims.legs]
 
     def keeps(amounts: Absorbed) -> fmpq | None:
@@ -215,13 +216,13 @@ def _held(certificate: Certificate, index: int, hints: FunnelHints, effort: Budg
     claims, own = certificate.claims, certificate.hints[index]
     problem, model, bounds = claims.problem, claims.models[index], hints.bounds
     told = told_of(claims.driven[index], bounds)
-    question = question_of(claims, index, own.mirror, told)
+    question = held_question(claims, index, own.mirror, told)
     if bounds is None:
         rates = [rates_along(question, claims.legs_of(index), hints.stretches, effort)]
         bands: tuple[Range, ...] = ()
     else:
-        _require_bounds(certificate, index, bounds)
-        as_proven = bounds.scaled(1 / model.length, 1 / model.speed)
+        _require_bounds(certificate, index, bounds, effort)
+        as_proven = model.as_proven(bounds)
         narrow = bands_of(as_proven, hints.stretches)
         rates = [
             rates_within(question, as_proven, band, stretch.pieces, effort)
@@ -232,12 +233,12 @@ def _held(certificate: Certificate, index: int, hints: FunnelHints, effort: Budg
     return HeldFunnel(claims.driven[index], told, problem.fastest, bands, in_units)
 
 
-def _require_bounds(certificate: Certificate, index: int, bounds: Bounds) -> None:
+def _require_bounds(certificate: Certificate, index: int, bounds: Bounds, effort: Budget) -> None:
     """That the path keeps the bounds along a funnel's legs, and the funnel holds within them."""
     claims, model = certificate.claims, certificate.claims.models[index]
-    if not all(piece.inside(bounds) for leg in claims.legs_of(index) for piece in leg.pieces):
+    if not all(piece.inside(bounds, effort) for leg in different(claims.legs_of(index)) for piece in leg.pieces):
         raise Broken(f"robustness: the path leaves the bounds that are told of it in funnel {index}")
     if isinstance(claims.problem.course, Bounds) and not claims.problem.course.lies_in(bounds):
         raise Broken("robustness: the bounds that are told are narrower than those of the path")
-    if not bounds.lies_in(certificate.hints[index].stretches[0].bounds.scaled(model.length, model.speed)):
+    if not bounds.lies_in(model.as_driven(certificate.hints[index].stretches[0].bounds)):
         raise Broken(f"robustness: the bounds that are told of the path are wider than funnel {index}")

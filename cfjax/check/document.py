@@ -17,8 +17,8 @@ from cfjax.check.funnel import FunnelClaim, Model
 from cfjax.check.hints import MOST_GRAM_ENTRIES, DecreaseHints, Room, read_decrease
 from cfjax.check.legs import Leg
 from cfjax.check.level import LEVELS
+from cfjax.check.problem import MOST_PIECES, ProblemClaim, problem_of, read_inputs, read_vehicle
 from cfjax.check.program import Matrix
-from cfjax.check.question import MOST_PIECES, ProblemClaim, problem_of, read_inputs, read_vehicle
 from cfjax.check.reader import Broken, Item, Unreadable
 from cfjax.check.surroundings import Clearance, read_clearance
 
@@ -54,10 +54,10 @@ class Witness:
 
 @dataclass(frozen=True)
 class Claims:
-    """What a file states: the question, funnels with the cars that they are proven for, legs, and how joints fit.
+    """What a file states: the question, funnels with the cars that they are proven for, legs and joints.
 
-    Where every path within bounds is meant there are no legs, and one funnel. `ratios[k]` is that of the joint after
-    leg k (`cfjax.check.legs`).
+    Where every path within bounds is meant there are no legs, and one funnel. `parts` are the legs as the file has
+    them; `ratios[k]` is that of the joint after leg k (`cfjax.check.legs`).
     """
 
     problem: ProblemClaim
@@ -229,8 +229,8 @@ def _funnel(item: Item, problem: ProblemClaim) -> tuple[FunnelClaim, Model]:
 def _model(item: Item, problem: ProblemClaim) -> Model:
     vehicle, inputs, length, speed = item.record("vehicle", "inputs", "length", "speed")
     claim = read_vehicle(vehicle)
-    if claim.states != problem.vehicle.states:
-        vehicle.refuse("the states of the problem's vehicle")
+    if (claim.name, claim.states) != (problem.vehicle.name, problem.vehicle.states):
+        vehicle.refuse("name and states of the problem's vehicle")
     return Model(claim, read_inputs(inputs, claim.states), length.positive(), speed.positive())
 
 

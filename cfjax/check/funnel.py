@@ -16,7 +16,7 @@ from functools import cached_property
 
 from flint import arb, fmpq, fmpq_mat
 
-from cfjax.check.bounds import Range
+from cfjax.check.bounds import Bounds, Range
 from cfjax.check.level import Level
 from cfjax.check.program import Matrix
 from cfjax.check.rational import exp_bounds, upper_bound
@@ -61,10 +61,7 @@ def metres(margin_per_metre: fmpq, fastest: fmpq) -> fmpq:
 
 
 def contraction_way(beta_lower: fmpq, level: fmpq) -> fmpq:
-    """By how much V has to fall, in units of min(1, V/β̲), to come from 1 down to a level: a rational at least that.
-
-    1 − β̲ + β̲ ln(β̲/level) for a level below β̲.
-    """
+    """A rational that is at least ∫ dV / min(1, V/β̲) from the level to 1: 1 − β̲ + β̲ ln(β̲/level) below β̲."""
     if level >= beta_lower:
         return max(1 - level, fmpq(0))
     return 1 - beta_lower + beta_lower * upper_bound(arb(beta_lower / level).log())
@@ -111,17 +108,24 @@ class Model:
         return {name: units[name] * factors[name] for name in self.inputs}
 
     def driven(self, funnel: FunnelClaim) -> FunnelClaim:
-        """A funnel that is proven for this car as the one that drives has it."""
+        """A funnel that is proven for this car as the one that drives has it; of a scaled car an invariant one."""
         if self.length == self.speed == 1:
             return funnel
         axes, per_metre = self.axes, funnel.margin_per_metre
         return replace(
             funnel,
-            level=type(funnel.level)(funnel.level.rate * self.faster),
             shape=[[c / (axes[i] * axes[j]) for j, c in enumerate(row)] for i, row in enumerate(funnel.shape)],
             margin=funnel.margin * self.faster,
             margin_per_metre=None if per_metre is None else per_metre / self.length,
         )
+
+    def as_driven(self, bounds: Bounds) -> Bounds:
+        """Bounds of this car's paths as the one that drives has them."""
+        return bounds.scaled(self.length, self.speed)
+
+    def as_proven(self, bounds: Bounds) -> Bounds:
+        """The other way round."""
+        return bounds.scaled(1 / self.length, 1 / self.speed)
 
     def require_similar(self, driven: VehicleClaim, inputs: Inputs) -> None:
         """That the car that drives, with these inputs, can do whatever this one does with its own.
@@ -131,8 +135,8 @@ class Model:
         """
         if self.vehicle.name not in KNOWN_VEHICLES and (self.length, self.speed, self.vehicle) != (1, 1, driven):
             raise Broken(f"it is proven for another vehicle, none of {', '.join(KNOWN_VEHICLES)} by similarity")
-        if self.vehicle.name != driven.name or self.inputs.keys() != inputs.keys():
-            raise Broken("it is proven for another vehicle")
+        if self.vehicle.name != driven.name or tuple(self.inputs) != tuple(inputs):
+            raise Broken("it is proven for another vehicle, or with inputs in another order")
         for name, factor in self.input_factors(driven).items():
             (lower, upper), (least, most) = self.inputs[name], inputs[name]
             if not least <= factor * lower <= factor * upper <= most:

@@ -367,9 +367,15 @@ class Terms:
         fastest = self.parameters[TIMING][1]
         return sum((fastest * slope * self.gain(name) for name, slope in self.slopes.items() if slope), fmpq(0))
 
+    @cached_property
+    def _gains(self) -> dict[str, fmpq]:
+        return {}
+
     def gain(self, name: str) -> fmpq:
         """|∂V̇/∂(parameter)|/σ."""
-        return self._uphill([self.dynamics.derivative(rate, name) for rate in self.dynamics.rates])
+        if name not in self._gains:
+            self._gains[name] = self._uphill([self.dynamics.derivative(rate, name) for rate in self.dynamics.rates])
+        return self._gains[name]
 
     def _uphill(self, direction: Sequence[fmpq_mpoly]) -> fmpq:
         """|∇q · direction|."""

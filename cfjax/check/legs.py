@@ -100,6 +100,14 @@ def from_zero(pieces: Sequence[Piece]) -> tuple[Piece, ...]:
     return tuple(found)
 
 
+def different(legs: Sequence[Leg]) -> list[Leg]:
+    """Those among them that the dynamics can tell apart."""
+    found: dict[tuple, Leg] = {}
+    for leg in legs:
+        found.setdefault(tuple((piece.duration, piece.turn_rate, piece.speed) for piece in leg.pieces), leg)
+    return list(found.values())
+
+
 def is_wider(first: Matrix, second: Matrix, ratio: fmpq) -> bool:
     """Whether C₁ ≻ ratio C₂, so that q₂ < q₁/ratio wherever q₁ > 0."""
     rows = zip(first, second, strict=True)
@@ -116,6 +124,11 @@ def gaps(legs: Sequence[Leg], closed: bool) -> Iterator[tuple[Leg, Leg, Gap]]:
         yield legs[-1], legs[0], legs[0].reference.gap
 
 
+def joints_of(legs: Sequence[Leg], closed: bool, ratios: Sequence[fmpq]) -> tuple[Joint, ...]:
+    """As they are claimed."""
+    return tuple(Joint(*meeting, ratio) for meeting, ratio in zip(gaps(legs, closed), ratios, strict=True))
+
+
 def prove_joints(legs: Sequence[Leg], closed: bool, ratios: Sequence[fmpq], fastest: fmpq) -> tuple[Joint, ...]:
     """Proves that deviations which start inside the first funnel are inside each one along its leg; u0 ≤ `fastest`.
 
@@ -124,8 +137,7 @@ def prove_joints(legs: Sequence[Leg], closed: bool, ratios: Sequence[fmpq], fast
     """
     if closed and not is_closed(legs[0].reference.gap):
         raise Broken("path: the end of the lap is not its start")
-    jumps = gaps(legs, closed)
-    joints = tuple(Joint(*meeting, ratio) for meeting, ratio in zip(jumps, ratios, strict=True))
+    joints = joints_of(legs, closed, ratios)
     proven: set[tuple[int, int, fmpq]] = set()
     for joint in joints:
         first, second = joint.before.funnel, joint.after.funnel

@@ -22,7 +22,6 @@ from cfjax.check.rational import exp_bounds, sqrt_upper
 
 
 Affine = tuple[fmpq, fmpq]  # constant and slope, of a function of q
-STILL: Range = fmpq(1), fmpq(1)  # ρ of a funnel whose level does not change
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from typing import NamedTuple
 from cfjax.check.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
 from cfjax.check.bounds import Bounds
 from cfjax.check.piece import Piece, are_steady, jumps_in_turning
-from cfjax.check.question import ProblemClaim
+from cfjax.check.problem import ProblemClaim
+from cfjax.check.rational import about
 from cfjax.check.reader import Broken
 from cfjax.check.structure import TURN_RATE_SLOPE
 from cfjax.check.surroundings import Surroundings
@@ -41,19 +42,20 @@ def follows_turning(dynamics: Symbolic) -> bool:
     return dynamics.depends_on(TURN_RATE_SLOPE) or not turns_by_timing_alone(dynamics)
 
 
-def broken_joint(dynamics: Symbolic, before: Piece, after: Piece) -> str:
+def jumping(follows: bool, before: Piece, after: Piece) -> str:
     """What of a path jumps between two pieces, and with it states of a vehicle's reference; nothing where none does.
 
-    Of a vehicle that the checker does not know the states that are no pose depend on speed and turning rate.
+    Of a vehicle that the checker does not know the states that are no pose depend on the speed, and where they may
+    follow it on the turning rate.
     """
     if before.end_speed != after.speed[0]:
         return "speed"
-    return "turning rate" if jumps_in_turning(before, after) and follows_turning(dynamics) else ""
+    return "turning rate" if follows and jumps_in_turning(before, after) else ""
 
 
 def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -> bool:
     """Whether at the end of a lap only the pose of a vehicle's reference jumps, by a gap that is known."""
-    return is_a_body(dynamics, states) and not broken_joint(dynamics, pieces[-1], pieces[0])
+    return is_a_body(dynamics, states) and not jumping(follows_turning(dynamics), pieces[-1], pieces[0])
 
 
 def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
@@ -103,11 +105,12 @@ def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Pie
             "vehicle: along a path whose speed or curvature changes, the rates at which they do have to enter times "
             "u0; by the dynamics in the file they do not"
         )
-    for index, (one, other) in enumerate(pairwise(pieces)):
-        if jumps := broken_joint(dynamics, one, other):
+    follows = follows_turning(dynamics)
+    for one, other in pairwise(pieces):
+        if jumps := jumping(follows, one, other):
             raise Broken(
-                f"path, from piece {index} to piece {index + 1}: the {jumps} jumps, and with it states of a vehicle "
-                f"that is none of {', '.join(KNOWN_VEHICLES)}"
+                f"path, at theta = {about(other.theta)} s: the {jumps} jumps, and with it states of a vehicle that is "
+                f"none of {', '.join(KNOWN_VEHICLES)}"
             )
 
 

@@ -15,6 +15,7 @@ from flint import acb, acb_series, arb, arb_poly, fmpq, fmpq_poly
 
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.displacement import along_arc, along_curve, series
+from cfjax.check.enclosure import Budget
 from cfjax.check.polynomial import (
     Coefficients,
     bernstein,
@@ -26,6 +27,7 @@ from cfjax.check.polynomial import (
     product,
     shifted,
 )
+from cfjax.check.rational import bits
 
 
 class Spread(NamedTuple):
@@ -119,10 +121,18 @@ class Piece:
     def _decided(self) -> dict[tuple[str, bool, fmpq], bool]:
         return {}
 
-    def keeps(self, quantity: str, is_upper: bool, bound: fmpq) -> bool:
+    @cached_property
+    def effort_of_decision(self) -> int:
+        """What deciding an inequality along it costs, in products of coefficients."""
+        numbers = (*self.turn_rate, *self.speed, self.duration)
+        return max(len(self.turn_rate), len(self.speed)) ** 2 * (8 + max(map(bits, numbers))) // 2
+
+    def keeps(self, quantity: str, is_upper: bool, bound: fmpq, effort: Budget | None = None) -> bool:
         """Whether the quantity stays on its side of the bound all along: exactly; of curvature at positive speed."""
         key = (quantity, is_upper, bound)
         if key not in self._decided:
+            if effort is not None:
+                effort.spend(self.effort_of_decision)
             above, below = self.fraction(quantity)  # above − bound · below has the sign of quantity − bound
             size = max(len(above), len(below))
             above, below = (c + (fmpq(0),) * (size - len(c)) for c in (above, below))
@@ -141,25 +151,28 @@ class Piece:
             return above, product(self.speed, self.speed)
         return (self.speed if quantity == "speed" else derivative(self.speed)), (fmpq(1),)
 
-    def inside(self, bounds: Bounds) -> bool:
-        """Whether speed, curvature, acceleration and, if bounded, its curvature's rate stay inside: decided exactly."""
+    def inside(self, bounds: Bounds, effort: Budget | None = None) -> bool:
+        """Whether speed, curvature, acceleration and, if bounded, its curvature's rate stay inside: decided exactly.
+
+        What it costs is paid for out of the budget, where there is one.
+        """
         rate = bounds.curvature_rate
         # speed first: it is positive where the curvature's inequality is used
         return (
-            self._inside("speed", self._speeds, bounds.speed)
-            and self._inside("curvature", self._curvatures, bounds.curvature)
-            and self._inside("acceleration", self._accelerations, bounds.acceleration)
-            and (rate is None or self._inside("curvature_rate", None, rate))
+            self._inside("speed", self._speeds, bounds.speed, effort)
+            and self._inside("curvature", self._curvatures, bounds.curvature, effort)
+            and self._inside("acceleration", self._accelerations, bounds.acceleration, effort)
+            and (rate is None or self._inside("curvature_rate", None, rate, effort))
         )
 
-    def _inside(self, quantity: str, spread: Spread | None, interval: Range) -> bool:
+    def _inside(self, quantity: str, spread: Spread | None, interval: Range, effort: Budget | None) -> bool:
         lower, upper = interval
         if spread is None:
-            return self.keeps(quantity, False, lower) and self.keeps(quantity, True, upper)
+            return self.keeps(quantity, False, lower, effort) and self.keeps(quantity, True, upper, effort)
         if spread.ends_lower < lower or spread.ends_upper > upper:
             return False
-        return (spread.lower >= lower or self.keeps(quantity, False, lower)) and (
-            spread.upper <= upper or self.keeps(quantity, True, upper)
+        return (spread.lower >= lower or self.keeps(quantity, False, lower, effort)) and (
+            spread.upper <= upper or self.keeps(quantity, True, upper, effort)
         )
 
     def split(self, inner: Sequence[fmpq]) -> "Iterator[Piece]":
@@ -222,11 +235,13 @@ def jumps_in_turning(before: Piece, after: Piece) -> bool:
     return evaluate(before.turn_rate, before.duration) != after.turn_rate[0]
 
 
-def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq) -> list[Piece]:
-    """What the pieces of one segment have between two θ (s, from the segment's start), cut exactly there."""
+def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq, effort: Budget | None = None) -> list[Piece]:
+    """What the pieces of a leg have between two θ (s, from its start), cut exactly there; paid for as decisions are."""
     found = []
     for piece in pieces:
         inner = sorted(at for at in {begin - piece.theta, end - piece.theta} if 0 < at < piece.duration)
+        if inner and effort is not None:
+            effort.spend(8 * piece.effort_of_decision)  # its coefficients grow by the length of the cut
         found += [part for part in piece.split(inner) if begin <= part.theta < end] if inner else []
         if not inner and begin <= piece.theta < end:
             found.append(piece)

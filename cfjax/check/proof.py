@@ -7,9 +7,10 @@ has one stretch without an end: it holds along legs of any length, or along ever
 for the car that its `Model` is, in the units of that.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
+from functools import cached_property
 
 from flint import fmpq
 
@@ -20,11 +21,11 @@ from cfjax.check.document import Certificate, Claims
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfjax.check.funnel import FunnelClaim, Model
 from cfjax.check.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
-from cfjax.check.legs import Leg, prove_joints
+from cfjax.check.legs import Leg, different, prove_joints
 from cfjax.check.meaning import require_meaning
 from cfjax.check.piece import between, turning_jumps
+from cfjax.check.problem import ProblemClaim
 from cfjax.check.program import CellProof
-from cfjax.check.question import ProblemClaim
 from cfjax.check.rational import about, bits, decimal_text
 from cfjax.check.reader import Broken
 from cfjax.check.structure import is_mirror, require_affine_reference, require_tube_structure
@@ -59,13 +60,31 @@ class Question:
         if bounds.is_single:
             return bounds.extremes()
         if bounds.curvature_rate is not None:
-            require_affine_reference(self.dynamics)
+            self.require_affine()
             return bounds.extremes()
-        require_tube_structure(self.dynamics)
+        self.require_structure()
         return bounds.extremes(self.is_mirrored(bounds))
 
+    @cached_property
+    def _established(self) -> set[Callable[[Symbolic], None]]:
+        return set()
+
+    def _require(self, what: Callable[[Symbolic], None]) -> None:
+        """Establish something of the dynamics, once."""
+        if what not in self._established:
+            what(self.dynamics)
+            self._established.add(what)
+
+    def require_affine(self) -> None:
+        """As `require_affine_reference`."""
+        self._require(require_affine_reference)
+
+    def require_structure(self) -> None:
+        """As `require_tube_structure`."""
+        self._require(require_tube_structure)
+
     def is_mirrored(self, bounds: Bounds) -> bool:
-        """Whether one end of the curvature speaks for both."""
+        """Whether references with the upper end of the curvature speak for those with the lower end."""
         return self.mirror is not None and bounds.curvature[0] == -bounds.curvature[1]
 
 
@@ -99,17 +118,18 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> fmpq:
     require_meaning(problem, dynamics)
     finish = legs[-1].end_level(problem.fastest) if legs else fmpq(1)
     prove_sets(claims, finish)
+    effort = Budget(MOST_EFFORT)
     questions = [question_of(claims, index, own.mirror, dynamics) for index, own in enumerate(hints)]
     if isinstance(problem.course, Bounds):
-        _require_everywhere(problem, problem.course, hints[0])
+        _require_everywhere(problem, problem.course, questions[0].model, hints[0])
     else:
         for index, (question, own) in enumerate(zip(questions, hints, strict=True)):
-            for leg in claims.legs_of(index):
-                _check_leg(leg, question, own)
+            _require_same_length(claims.legs_of(index), own)
+            for leg in different(claims.legs_of(index)):
+                _check_leg(leg, question, own, effort)
         prove_joints(legs, problem.course.closed, claims.ratios, problem.fastest)
         if problem.surroundings.obstacles:  # else nobody asks where the path lies
             prove_surroundings(problem.surroundings, legs, certificate.clearance)
-    effort = Budget(MOST_EFFORT)
     for index, (question, own) in enumerate(zip(questions, hints, strict=True)):
         try:
             _prove_decrease(question, own, effort)
@@ -127,8 +147,8 @@ def question_of(claims: Claims, index: int, mirror: tuple[int, ...] | None, dyna
     problem, model = claims.problem, claims.models[index]
     if model is not problem.car:
         try:
-            model.require_similar(problem.vehicle, problem.inputs)
             dynamics = dynamics_of(model)
+            model.require_similar(problem.vehicle, problem.inputs)
         except Broken as error:
             raise Broken(f"{of_funnel(index, claims)}{error}") from None
     return Question(model, dynamics, claims.funnels[index], mirror)
@@ -161,27 +181,29 @@ def prove_sets(claims: Claims, finish: fmpq) -> None:
 # --- decrease
 
 
-def _require_everywhere(problem: ProblemClaim, bounds: Bounds, hints: DecreaseHints) -> None:
+def _require_everywhere(problem: ProblemClaim, bounds: Bounds, model: Model, hints: DecreaseHints) -> None:
     """That the proof is one for every path within the bounds, which has no place."""
     if problem.surroundings.obstacles:
         raise Broken("condition (c): what has no place clears no obstacle")
-    if hints.duration is not None or not bounds.lies_in(hints.stretches[0].bounds):
+    if hints.duration is not None or not bounds.lies_in(model.as_driven(hints.stretches[0].bounds)):
         raise Broken("condition (d): the bounds of the proof are not those of every path that is meant")
 
 
-def _check_leg(leg: Leg, question: Question, hints: DecreaseHints) -> None:
-    """That the bounds of the proof hold along a leg, and its stretches cover it."""
-    model = question.model
-    slower = 1 / model.faster
-    if hints.duration is not None and leg.duration != hints.duration * slower:
-        raise Broken(f"leg {leg.index}: the stretches of the proof do not end where the leg does")
+def _require_same_length(legs: Sequence[Leg], hints: DecreaseHints) -> None:
+    for leg in legs:
+        if hints.duration is not None and leg.duration != hints.duration:
+            raise Broken(f"leg {leg.index}: the stretches of the proof do not end where the leg does")
+
+
+def _check_leg(leg: Leg, question: Question, hints: DecreaseHints, effort: Budget) -> None:
+    """That the bounds of the proof hold along a leg, as the car that drives has them."""
     if turning_jumps(leg.pieces):  # from piece to piece, where no stretch sees it: the deviation must not
-        require_tube_structure(question.dynamics)
+        question.require_structure()
     begin = fmpq(0)
     for stretch in hints.stretches:
-        end = leg.duration if stretch.end is None else stretch.end * slower
-        bounds = stretch.bounds.scaled(model.length, model.speed)
-        if not all(piece.inside(bounds) for piece in between(leg.pieces, begin, end)):
+        end = leg.duration if stretch.end is None else stretch.end
+        bounds = question.model.as_driven(stretch.bounds)
+        if not all(piece.inside(bounds, effort) for piece in between(leg.pieces, begin, end, effort)):
             raise Broken(
                 f"leg {leg.index}: between theta = {about(begin)} and {about(end)} s the reference leaves the bounds "
                 "of the proof"

@@ -18,8 +18,8 @@ from cfjax.check.containment import HEADING
 from cfjax.check.document import Claims, Witness
 from cfjax.check.funnel import FunnelClaim
 from cfjax.check.graph import Graph
+from cfjax.check.problem import ProblemClaim
 from cfjax.check.proven import Violation
-from cfjax.check.question import ProblemClaim
 from cfjax.check.rational import pi_lower, pi_upper
 from cfjax.check.reader import Broken
 

@@ -14,9 +14,9 @@ from cfjax.check.descent import bounds_over
 from cfjax.check.document import Claims, Witness, read_certificate
 from cfjax.check.held_hints import read_robustness
 from cfjax.check.meaning import Assumptions, assumptions_of
+from cfjax.check.problem import ProblemClaim
 from cfjax.check.proof import dynamics_of, prove_funnels
 from cfjax.check.proven import Proven, Refuted
-from cfjax.check.question import ProblemClaim
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
@@ -52,7 +52,7 @@ def check_robustness(report: Report, document: object, hints: object) -> Report:
         return replace(report, robustness=verified(*stated_and_proven(document, hints)))
     except Unreadable as error:
         return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: {_one_line(error)}")
-    except (ValueError, ArithmeticError) as error:
+    except (ValueError, ArithmeticError, LookupError) as error:
         return Report(Outcome.BROKEN, f"{ROBUSTNESS_NAME}: {_one_line(error)}")
     except (MemoryError, RecursionError) as error:
         return Report(Outcome.UNREADABLE, f"{ROBUSTNESS_NAME}: too large for this checker ({type(error).__name__})")
@@ -82,7 +82,7 @@ def check_document(document: object, skip_hash: bool = False) -> Report:
         return Report(Outcome.PROVEN, shown=Proven(claims, assumptions, prove_funnels(certificate, dynamics)))
     except Unreadable as error:
         return Report(Outcome.UNREADABLE, _one_line(error))
-    except (ValueError, ArithmeticError) as error:  # Broken, or a step of the proof that cannot be done
+    except (ValueError, ArithmeticError, LookupError) as error:  # Broken, or a step of the proof that cannot be done
         return Report(Outcome.BROKEN, _one_line(error))
     except (MemoryError, RecursionError) as error:
         return Report(Outcome.UNREADABLE, f"too large for this checker ({type(error).__name__})")

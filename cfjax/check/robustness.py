@@ -40,7 +40,7 @@ from cfjax.check.held import (
     require_affine,
 )
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
-from cfjax.check.legs import Leg
+from cfjax.check.legs import Leg, different
 from cfjax.check.piece import Piece, between
 from cfjax.check.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfjax.check.program import CellProof, Gram
@@ -78,21 +78,15 @@ def rates_along(question: Question, legs: Sequence[Leg], hints: Sequence[HeldStr
     for stretch in hints:
         if not begin < stretch.end <= duration:
             raise Broken("robustness: the stretches do not follow each other along the leg")
-        found += _prove_levels(question, motions(question, legs, (begin, stretch.end)), stretch.pieces, effort)
+        found += _prove_levels(question, motions(question, legs, (begin, stretch.end), effort), stretch.pieces, effort)
         begin = stretch.end
     if begin != duration:
         raise Broken("robustness: the stretches do not end where the leg does")
     jumps = (
         sum((_jump(one, other, found) for one, other in itertools.pairwise(leg.pieces)), fmpq(0))
-        for leg in _different(legs)
+        for leg in different(legs)
     )
     return _rates_of(funnel, found, SHARE * funnel.margin - max(jumps))
-
-
-def _different(legs: Sequence[Leg]) -> list[Leg]:
-    """Those among them that the dynamics can tell apart."""
-    profiles = {tuple((piece.duration, piece.turn_rate, piece.speed) for piece in leg.pieces): leg for leg in legs}
-    return list(profiles.values())
 
 
 def rates_within(question: Question, bounds: Bounds, band: Range, hints: Sequence[PieceHints], effort: Budget) -> Rates:
@@ -156,9 +150,11 @@ class References(NamedTuple):
     mirrored: str = ""  # one end of this one speaks for both
 
 
-def motions(question: Question, legs: Sequence[Leg], span: Range) -> list[tuple[HeldMotion, Terms]]:
+def motions(
+    question: Question, legs: Sequence[Leg], span: Range, effort: Budget | None = None
+) -> list[tuple[HeldMotion, Terms]]:
     """What has to be bounded on a stretch of θ: for each range of levels, without hints yet."""
-    parts = [part for leg in _different(legs) for part in between(leg.pieces, *span)]
+    parts = [part for leg in different(legs) for part in between(leg.pieces, *span, effort)]
     return _motions(question, reference_box(parts), span)
 
 

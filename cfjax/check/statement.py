@@ -17,11 +17,11 @@ from cfjax.check.containment import half_widths
 from cfjax.check.document import Claims
 from cfjax.check.funnel import LAW_SHARE, FunnelClaim
 from cfjax.check.meaning import Assumptions
+from cfjax.check.problem import Course, ProblemClaim
 from cfjax.check.proven import Proven, Refuted, Shown, Violation
-from cfjax.check.question import Course, ProblemClaim
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.surroundings import Surroundings
-from cfjax.check.vehicle import KNOWN_VEHICLES, POSE_UNITS, VehicleClaim
+from cfjax.check.vehicle import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim
 
 
 SHARE_TEXT = decimal_text(LAW_SHARE, ROUND_CEILING)
@@ -96,9 +96,11 @@ def _along(proven: Proven) -> tuple[str, ...]:
     parts = len(claims.parts), len(claims.ratios), len(claims.funnels)
     turn = f"legs: {parts[0]}, joints: {parts[1]}, funnels: {parts[2]}" if max(parts) > 1 else ""
     each = "the funnels" if parts[2] > 1 else "the funnel"
-    form = f"{each}: {_templates(claims.driven)}, {_shell(claims.driven, ROUND_CEILING)}, {_lateral(claims)}"
+    form = f"{each}: {_templates(claims.driven)}, {_shell(claims.driven, ROUND_CEILING)}{_lateral(claims)}"
     per_metre = [funnel.margin_per_metre for funnel in claims.driven if funnel.margin_per_metre is not None]
-    falls = f" and {_down(min(per_metre))} per metre of the reference at u0 = 1" if per_metre else ""
+    everywhere = len(per_metre) == len(claims.driven)
+    where = "" if everywhere else " in funnels that do not change with theta"
+    falls = f" and{where} {_down(min(per_metre))} per metre of the reference at u0 = 1" if per_metre else ""
     said = (
         f"from {started} at theta = 0, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in the funnel V <= 1"
         f"{_kept(problem)}, until it {arrives} after {_time(arrival)}{again}",
@@ -111,10 +113,11 @@ def _along(proven: Proven) -> tuple[str, ...]:
 
 
 def _lateral(claims: Claims) -> str:
-    """How far a car may be beside the path, or in whatever else its second state is."""
-    name, unit = (list(each)[min(1, len(each) - 1)] for each in (claims.problem.vehicle.states, _units(claims)))
-    widest = max(half_widths(funnel.shape)[min(1, len(funnel.shape) - 1)] for funnel in claims.driven)
-    return f"half-width in {name} {_up(widest)} {unit}".rstrip()
+    """How far a car may be beside the path, where its states begin with a pose."""
+    if claims.problem.vehicle.states[: len(POSE)] != POSE:
+        return ""
+    widest = max(half_widths(funnel.shape)[POSE.index("x")] for funnel in claims.driven)
+    return f", lateral half-width {_up(widest)} m"
 
 
 def _everywhere(proven: Proven) -> tuple[str, ...]:
@@ -140,11 +143,12 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
     problem, course, funnel = claims.problem, claims.problem.course, claims.driven[0]
     if claims.parts:
         funnel = claims.driven[claims.parts[witness.leg].funnel]
-    shell, margin = _shell(claims.driven, ROUND_FLOOR), _up(funnel.margin)
+    shell, margin = _shell((funnel,), ROUND_FLOOR), _up(funnel.margin)
     if isinstance(course, Bounds):
         candidate, path = shell, _paths(course)
     else:
-        candidate, path = f"{_templates(claims.driven)}, {shell}", _path(problem.path, course)
+        along = f" along leg {witness.leg}" if len(claims.parts) > 1 else ""
+        candidate, path = f"{_templates((funnel,))}, {shell}{along}", _path(problem.path, course)
     place = place_of(refuted.extremes, witness.reference) if refuted.violation is Violation.DECREASE else ""
     at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     return (
@@ -228,10 +232,6 @@ def units_of(vehicle: VehicleClaim) -> tuple[str, ...]:
 
 def _frequency(period: fmpq) -> str:
     return f" (control at {_up(1 / period)} Hz or faster)" if period else ""
-
-
-def _units(claims: Claims) -> tuple[str, ...]:
-    return units_of(claims.problem.vehicle)
 
 
 def _vehicle(vehicle: VehicleClaim, assumptions: Assumptions | None) -> Section:
@@ -332,9 +332,22 @@ def _inputs(problem: ProblemClaim, rounding: tuple[str, str]) -> str:
 
 
 def _templates(funnels: Sequence[FunnelClaim]) -> str:
-    level = funnels[0].level
-    if not any(funnel.level.rate for funnel in funnels):
+    """Templates with their rates, each for the funnels that have it."""
+    return "; ".join(_rates(own) for own in _by_template(funnels))
+
+
+def _by_template(funnels: Sequence[FunnelClaim]) -> list[list[FunnelClaim]]:
+    """Funnels that change with θ by their templates, and those that do not."""
+    found: dict[str, list[FunnelClaim]] = {}
+    for funnel in funnels:
+        found.setdefault(funnel.level.name if funnel.margin_per_metre is None else "", []).append(funnel)
+    return list(found.values())
+
+
+def _rates(funnels: Sequence[FunnelClaim]) -> str:
+    if funnels[0].margin_per_metre is not None:
         return "V does not change with theta"
+    level = funnels[0].level
     rates = ", ".join(about(funnel.level.rate) for funnel in funnels[:SHOWN])
     more = ", ..." if len(funnels) > SHOWN else ""
     return f"template {level.name}, {level.rate_name} {rates}{more} 1/s"

@@ -18,7 +18,7 @@ from cfjax.certificate.writing import exact_inputs
 from cfjax.check import Outcome, check_document
 from cfjax.check.containment import Asked, broken_containments
 from cfjax.check.legs import Leg
-from cfjax.check.question import MOST_PIECES
+from cfjax.check.problem import MOST_PIECES
 from cfjax.check.rational import float_below
 from cfjax.check.reference import Reference
 from cfjax.check.vehicle import STATES

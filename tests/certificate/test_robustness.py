@@ -30,8 +30,8 @@ from cfjax.check.held_hints import read_stretch
 from cfjax.check.hints import Room
 from cfjax.check.legs import Leg
 from cfjax.check.level import LEVELS
+from cfjax.check.problem import Course
 from cfjax.check.proof import Question
-from cfjax.check.question import Course
 from cfjax.check.rational import dyadic, rational
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness

@@ -339,10 +339,6 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
     "inner piece left out": ("from theta = 0", lambda c: c._replace(pieces=(*c.pieces[:3], *c.pieces[4:]))),
     "pieces exchanged": ("from theta = 0", lambda c: c._replace(pieces=(c.pieces[1], c.pieces[0], *c.pieces[2:]))),
     "a piece twice": ("from theta = 0", lambda c: c._replace(pieces=(c.pieces[0], *c.pieces))),
-    "two segments": (
-        "one segment",
-        lambda c: c._replace(pieces=(*c.pieces[:-1], replace(c.pieces[-1], segment=1))),
-    ),
     "no half-planes": ("ends increase", lambda c: planes(c, lambda p: [])),
     "too short": ("ends increase", lambda c: planes(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end - fmpq(1, 10**9))])),
     "too long": ("ends increase", lambda c: planes(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end + fmpq(1, 10**9))])),

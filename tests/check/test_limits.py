@@ -12,7 +12,7 @@ from flint import fmpq, fmpq_mpoly_ctx
 from cfjax.check import Outcome, check_document, proof
 from cfjax.check.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
 from cfjax.check.hints import MOST_CELLS
-from cfjax.check.question import MOST_PIECES
+from cfjax.check.problem import MOST_PIECES
 
 
 Document = dict[str, Any]

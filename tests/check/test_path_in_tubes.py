@@ -17,13 +17,15 @@ from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_vehicle
 from cfjax.check import Outcome, check_document, check_file
 from cfjax.check.document import document_hash
+from cfjax.check.reader import read_json
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Interval, KinematicBicycle, Pose, Problem, Profile, Segment, Tube, ball
 from cfjax.problem import Path as Course
-from cfjax.tubes import chain_document, library, write_chain
+from cfjax.tubes import chain_document, library, library_files, write_chain
 from cfjax.tubes.certified import CertifiedTube, Origin, tube_of
 from cfjax.tubes.follow import Following
+from tests.check.courses import kink_document
 from tests.check.vehicles import SeenAhead
 
 
@@ -134,7 +136,7 @@ SPOILED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "longer": (lambda d: pieces_of(d)[7].update(duration="2"), "end of the lap is not its start"),
     "ratio too low": (lambda d: d["joints"][0].update(ratio="1/100"), "does not lie inside the start"),
     "ratio too high": (lambda d: d["joints"][0].update(ratio="2"), "not as wide as is claimed"),
-    "another vehicle": (lambda d: model_of(d)["vehicle"].update(name="hovercraft"), "proven for another vehicle"),
+    "another vehicle": (lambda d: model_of(d)["vehicle"].update(name="hovercraft"), "name and states of the problem's"),
     "weaker car": (lambda d: of_another_car(d, max_thrust="3"), "more of thrust than the vehicle that drives has"),
     "longer car": (lambda d: of_another_car(d, wheelbase="7/20"), "more of w than the vehicle that drives has"),
     "stretched tube": (lambda d: model_of(d).update(length="2"), LEAVES),
@@ -172,6 +174,67 @@ def test_stretched_claims_are_broken(document: dict[str, Any], name: str) -> Non
     assert_broken(document, words)
 
 
+def a_tube_of(document: dict[str, Any], length: str, speed: str) -> dict[str, Any]:
+    """A tube of the package as one for every path within its bounds, proven for a car of another scale."""
+    found = read_json(next(path for path in library_files() if path.name.startswith("wide-gentle-slow")))
+    assert isinstance(found, dict)
+    model_of(found).update(length=length, speed=speed)
+    thrust = Fraction(speed) ** 2 / Fraction(length)
+    for entry in found["problem"]["inputs"]:
+        scale = {"w": 1 / Fraction(length), "thrust": thrust}.get(entry["name"], 1)
+        entry.update(lower=str(Fraction(entry["lower"]) * scale), upper=str(Fraction(entry["upper"]) * scale))
+    found["problem"]["sets"].update(inlet=None, goal=None, safe=None)
+    return found
+
+
+def test_bounds_of_every_path_are_those_of_the_car_that_drives(document: dict[str, Any]) -> None:
+    """Slower by four: the paths that are meant are slower too, not those of the car that it is proven for."""
+    tube = a_tube_of(document, "1", "1/4")
+    assert_broken(tube, "are not those of every path that is meant")
+    bounds = path_of(tube)["bounds"]
+    scales = {"speed": Fraction(1, 4), "acceleration": Fraction(1, 16)}
+    for name, scale in scales.items():
+        bounds[name] = [str(Fraction(end) * scale) for end in bounds[name]]
+    report = check_document(renewed(tube))
+    assert report.outcome is Outcome.PROVEN, report.message
+    bounds["curvature"][1] = str(Fraction(bounds["curvature"][1]) * 2)
+    assert_broken(tube, "are not those of every path that is meant")
+
+
+def test_signs_of_a_mirror_are_in_the_order_of_the_inputs(document: dict[str, Any]) -> None:
+    """Else steering and thrust, one of which has no symmetric limits, could stand for each other."""
+    named_otherwise(document)
+    model_of(document)
+    document["problem"]["inputs"][1:] = document["problem"]["inputs"][:0:-1]
+    assert_broken(document, "inputs in another order")
+
+
+def test_models_that_make_no_sense_are_refused(document: dict[str, Any]) -> None:
+    model_of(document)["vehicle"]["parameters"].pop("max_thrust")
+    assert_broken(document, "parameters, states or inputs are not those of a kinematic_bicycle")
+    named_otherwise(document)
+    assert_broken(document, "name and states of the problem's vehicle")
+
+
+def test_a_great_many_legs_and_stretches_do_not_keep_the_checker_busy() -> None:
+    """Long coefficients, each leg cut by each stretch: what is looked at before anything is proven is paid for too."""
+    document = kink_document()
+    first = f"1/{3**360}"
+    piece = {"duration": "1/2", "turn_rate": [first] * 8, "speed": ["3/2", *[first] * 7]}
+    others = [{**piece, "turn_rate": [f"1/{3**370 + k}", *piece["turn_rate"][1:]]} for k in range(512)]
+    path_of(document).update(pieces=others, start=["0", "0", "0"])
+    document["legs"] = [{"end": k + 1, "funnel": 0} for k in range(512)]
+    document["joints"] = [{"ratio": "1"}] * 511
+    (last,) = document["hints"]["decrease"][0]["stretches"][-1:]
+    wide = {"curvature": ["-9", "9"], "speed": ["1", "2"], "acceleration": ["-9", "9"], "curvature_rate": ["-9", "9"]}
+    ends = [str(Fraction(k + 1, 128)) for k in range(64)]
+    document["hints"]["decrease"][0]["stretches"] = [{**last, "end": end, "bounds": wide} for end in ends]
+    document["problem"]["sets"].update(inlet=None, goal=None)
+    begin = time.perf_counter()
+    assert_broken(document, "more arithmetic than the checker takes")
+    assert time.perf_counter() - begin < 120  # a hang, not a benchmark
+
+
 def test_what_a_car_can_do_more_is_no_matter(document: dict[str, Any]) -> None:
     """The funnels are those of the car as it was, by its own inputs."""
     of_another_car(document, max_thrust="5", wheelbase="33/100")
@@ -205,9 +268,9 @@ OTHERWISE: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "limits": (lambda d: model_of(d)["inputs"][1].update(upper="2"), "more of w than the vehicle that drives has"),
     "name": (
         lambda d: (model_of(d), d["problem"]["vehicle"].update(name="kinematic_bicycle")),
-        "another vehicle, none of kinematic_bicycle",
+        "name and states of the problem's vehicle",
     ),
-    "states": (lambda d: model_of(d)["vehicle"]["states"].__setitem__(3, "speed"), "the states of the problem's"),
+    "states": (lambda d: model_of(d)["vehicle"]["states"].__setitem__(3, "speed"), "name and states of the problem's"),
     "sets": (
         lambda d: d["problem"]["sets"].update(inlet={"half_axes": ["1/100"] * 3}),
         "a list of 4 entries",

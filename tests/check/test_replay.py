@@ -197,7 +197,7 @@ def refutation(document: dict[str, Any], shape: list[str], x: list[str]) -> dict
     """Claims condition (c) to fail at x, for another C."""
     del document["hints"]
     document["funnels"][0]["shape"] = shape
-    return document | {"claim": "refutation", "witness": witness(x)}
+    return document | {"claim": "refutation", "joints": [], "witness": witness(x)}
 
 
 def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> None:
@@ -207,7 +207,7 @@ def test_a_refuted_sentence_names_what_is_left(certificate: dict[str, Any]) -> N
     told = sentence(refutation(certificate, shape, ["4", "0", "0", "0"]))
     assert "outside the safe set S" in told
     assert "; S with half-widths (0.666666, 1, 1, 3)" in told
-    certificate["claim"] = "refutation"
+    certificate |= {"claim": "refutation", "joints": []}
     certificate["problem"]["sets"]["safe"] = None
     certificate["problem"]["sets"]["inlet"]["half_axes"] = ["1/3"] * 4
     certificate["witness"] = witness(["4", "0", "0", "1/300"])

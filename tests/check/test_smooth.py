@@ -201,7 +201,7 @@ BENT: dict[str, tuple[Callable[[Document], object], str]] = {
     "wider than is proven": (rate_bounds("-9", "9"), "margin"),
     "a vertex is missing": (one_vertex_less, "the proof has to cover"),
     "the curve is sharper": (lambda d: pieces_of(d)[0]["turn_rate"].__setitem__(1, "131/1000"), "leaves the bounds"),
-    "the turning rate jumps": (lambda d: in_two(d, "1/1000000000"), "from piece 0 to piece 1: the turning rate jumps"),
+    "the turning rate jumps": (lambda d: in_two(d, "1/1000000000"), ": the turning rate jumps"),
     "dynamics that are not affine": (not_affine, "have to be affine in the reference's curvature"),
     "a state that goes with acceleration": (follows_acceleration, "have to enter times u0"),
     "more is claimed": (lambda d: d["funnels"][0].update(margin="4"), "margin 4 1/s claimed"),

@@ -13,7 +13,7 @@ from cfjax.check.bounds import Bounds, Extreme
 from cfjax.check.clearance import FootprintClaim, ObstacleClaim
 from cfjax.check.document import Claims, Witness
 from cfjax.check.funnel import FunnelClaim
-from cfjax.check.level import Contracting
+from cfjax.check.level import Contracting, Paper
 from cfjax.check.meaning import Assumptions
 from cfjax.check.proven import Proven, Refuted, Shown, Violation
 from cfjax.check.statement import VIOLATED, sections
@@ -77,7 +77,7 @@ STATEMENTS: dict[str, tuple[Shown, dict[str, tuple[str, ...]]]] = {
                 "from every start in I at theta = 0, inputs u0 in [0.5, 2], w in [-1, 1] suffice",
                 "V <= 1, inside S, until it arrives in G after 1 to 4 s;",
                 "legs: 2, joints: 1, funnels: 2; the funnels: template contracting, rate about 0.333333, about",
-                "shell from 0.9, half-width in x 0.5 m;",
+                "shell from 0.9, lateral half-width 0.5 m;",
                 "margin lambda = 0.3 1/s or more.",
             ),
         },
@@ -122,7 +122,7 @@ STATEMENTS: dict[str, tuple[Shown, dict[str, tuple[str, ...]]]] = {
             "guarantee": (
                 "from every start with V < 1 at theta = 0, inputs",
                 "until it arrives with V <= 0.333334 after 1 to 4 s; this needs a law that enforces 0.95 of",
-                "legs: 2, joints: 1, funnels: 2; the funnels: V does not change with theta, shell from 0.9, half-width",
+                "legs: 2, joints: 1, funnels: 2; the funnels: V does not change with theta, shell from 0.9, lateral",
                 "lambda = 1 1/s and 2 per metre of the reference at u0 = 1 or more.",
             ),
         },
@@ -197,6 +197,21 @@ def test_obstacles_are_among_the_sets_and_kept_clear_of() -> None:
         said = {section.heading: section.paragraph for section in sections(shown)}
         assert said["sets"].endswith(told) and words in said["guarantee"]
     assert not any("footprint" in section.paragraph for section in sections(funnels()))
+
+
+def test_what_some_funnels_have_is_not_said_of_all() -> None:
+    """One that changes with θ and one that does not, in turn, and one of the paper's template."""
+    changing, still = funnel(ONE), by_hand.funnel(fmpq(2), fmpq(3))
+    paper = by_hand.funnel(fmpq(3), level=Paper(fmpq(1, 5)))
+    said = {s.heading: s.paragraph for s in sections(Proven(by_hand.claims((changing, still, paper)), None))}
+    assert "lambda = 1 1/s and in funnels that do not change with theta 3 per metre" in said["guarantee"]
+    assert (
+        "template contracting, rate about 0.333333 1/s; V does not change with theta; template paper, c0 0.2 1/s"
+        in (said["guarantee"])
+    )
+    low = by_hand.funnel(ONE, beta_lower=fmpq(1, 10), beta_inner=fmpq(1, 10))
+    told = refuted(by_hand.claims((low, funnel())), Violation.DECREASE)
+    assert "shell from 0.1 along leg 0 with margin lambda = 1 1/s" in sections(told)[0].paragraph
 
 
 def test_each_violation_is_said_in_its_own_words() -> None:

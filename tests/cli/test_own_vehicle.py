@@ -212,7 +212,7 @@ def test_what_no_tube_holds_is_said_before_anything_is_learned(
     assert "certificate: expected auto or segment, got tube: vehicle: a tube needs" in said and said.count("\n") == 1
     breaks = (0.0, 1.0, 2.0)
     kink = Segment(Profile(breaks, ((0.0,), (0.3,))), Profile(breaks, ((1.0,), (1.0,))), Pose(0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="in segment 0: the turning rate jumps"):
+    with pytest.raises(InputError, match="at theta = 1 s: the turning rate jumps"):
         search(Problem(Course("kink", (kink,)), vehicle=Cart(), inlet=ball(0.2), goal=ball(0.6)))
 
 

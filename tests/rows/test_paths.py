@@ -48,4 +48,4 @@ def test_the_oval_by_a_tube_of_its_own() -> None:
     (found,) = result.segments
     assert found.reference is not None and found.span == pytest.approx((0.0, 9.688448))
     assert found.reference.curvature.lower <= 0.25 and 2.0 <= found.reference.curvature.upper <= 2.001
-    assert "lap after lap" in result.message and "inside G" in result.message
+    assert "lap after lap" in result.message and "arrives in G" in result.message
