@@ -4,6 +4,7 @@ Exit code 0: it proves a funnel; 3: it proves a refutation; 1: a claim is broken
 """
 
 import argparse
+import os
 import sys
 
 from cfjax.check.replay import check_file
@@ -15,7 +16,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--skip-hash", action="store_true", help="replay a file whose hash does not fit its content")
     options = parser.parse_args(arguments)
     report = check_file(options.path, options.skip_hash)
-    print(report.text.encode("ascii", "backslashreplace").decode())
+    try:
+        print(report.text.encode("ascii", "backslashreplace").decode(), flush=True)
+    except BrokenPipeError:  # whoever read it has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return report.outcome.value
 
 

@@ -109,12 +109,10 @@ def duel(
     change: Float[np.ndarray, "r f"],
     particles: Particles,
 ) -> Outcome:
-    """Run the schedule for all candidates, in two shares at once; `scale` is the spread of each one's margins, 1/s."""
+    """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
     numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
-    program, shares = traced(_run, traced_vehicle(vehicle), template), 1 + (len(factor) % 2 == 0)
-    cut = zip(*(np.split(each, shares) for each in (scale, factor, change, *particles)), strict=True)
-    moved = program.side_by_side([(chain, numbers, *own) for own in cut])
-    factor, change, points, margins = map(np.concatenate, zip(*moved, strict=True))
+    moved = traced(_run, traced_vehicle(vehicle), template)(chain, numbers, scale, factor, change, *particles)
+    factor, change, points, margins = map(np.asarray, moved)
     return Outcome(factor, change, particles._replace(points=points), margins)
 
 

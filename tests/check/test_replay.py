@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 from fractions import Fraction
@@ -313,3 +314,11 @@ def test_memory_and_time(tmp_path: Path, contracting_text: str) -> None:
     assert code == "0"
     assert float(seconds) < 10
     assert float(kilobytes) < 100_000
+
+
+def test_nobody_need_read_to_the_end(tmp_path: Path, paper_text: str) -> None:
+    (tmp_path / "certificate.json").write_text(paper_text)
+    command = f"{shlex.quote(sys.executable)} -m cfjax.check {shlex.quote(str(tmp_path))} | head -n 0"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env=environment, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
