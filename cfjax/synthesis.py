@@ -167,7 +167,7 @@ def harden(result: Result, options: Options = Options(), progress: Progress | No
     if not options.robustness:
         return None
     with Clock.of(progress).stage("robustness"):
-        return robustness_of(result, workers=_cores(), solver=options.solver)
+        return robustness_of(result, workers=_cores(), solver=options.solver, period=options.period)
 
 
 def drive(result: Result, options: Options = Options(), progress: Progress | None = None) -> Result:

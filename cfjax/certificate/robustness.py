@@ -6,7 +6,9 @@ largest amounts that were found (`amounts`), with hints for the bounds that allo
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from cfjax.certificate.fit import enclose
 from cfjax.certificate.program import program_of, prove, solved
 from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import round_whitening
+from cfjax.certificate.sampled import sampled_hints
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
 from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds
@@ -26,12 +29,13 @@ from cfjax.check.chain_robustness import leg_of, timing_of
 from cfjax.check.document import SegmentClaim, read_certificate
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
-from cfjax.check.held_hints import CLAIM, DEGREES
+from cfjax.check.held_hints import CLAIM, DEGREES, SAMPLED
 from cfjax.check.program import CellProof
 from cfjax.check.proof import LegClaim
 from cfjax.check.rational import rational
 from cfjax.check.replay import stated_and_proven
 from cfjax.check.robustness import motions, tube_motions
+from cfjax.check.sampled import steady_leg
 from cfjax.check.structure import require_tube_structure
 from cfjax.check.symbolic import symbolic
 from cfjax.coerce import instance, whole
@@ -44,8 +48,12 @@ from cfjax.verdict import Verdict
 BAND, MOST_BANDS = 3.0, 2  # ratio of a band's speeds; each costs up to some hundred programs
 
 
-def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any] | None:
+def robustness_of(
+    result: Result, workers: int = 1, solver: str | Solver = DEFAULT, period: float | None = None
+) -> dict[str, Any] | None:
     """The file of hints for a certified result; None where there is nothing that is certified.
+
+    With a `period` (s) also of a law that looks so far ahead and holds what it chooses (`cfjax.check.sampled`).
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
@@ -53,10 +61,12 @@ def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAU
     document, workers = instance("result", result, Result).document, whole("workers", workers, 1)
     if document is None or document["claim"] not in ("funnel", CHAIN):
         return None
-    return robustness_document(document, workers, solver)
+    return robustness_document(document, workers, solver, period)
 
 
-def robustness_document(document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any]:
+def robustness_document(
+    document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT, period: float | None = None
+) -> dict[str, Any]:
     """The file of hints for a certificate, of funnels or of a path in tubes: the document that the checker accepted.
 
     Raises:
@@ -64,6 +74,8 @@ def robustness_document(document: dict[str, Any], workers: int = 1, solver: str 
         Broken, ValueError: dynamics or levels of a kind that has no bounds here.
     """
     if document["claim"] == CHAIN:
+        if period is not None:
+            raise ValueError("sampled: expected a path of one segment, got one in tubes")
         return _chain_document(document, solver_named(solver, workers))
     certificate = read_certificate(document)
     problem = certificate.problem
@@ -77,18 +89,24 @@ def robustness_document(document: dict[str, Any], workers: int = 1, solver: str 
         for segment, funnel, hints in each
     ]
     content = {"funnels": funnels, "entries": [str(root) for root in entries_of(certificate)]}
-    return _with_amounts(document, content, len(problem.vehicle.states))
+    more = {}
+    if period is not None:
+        leg, course = steady_leg(certificate, dynamics)
+        more[SAMPLED] = sampled_hints(leg, course.closed, rational(period), oracle)
+    return _with_amounts(document, content, len(problem.vehicle.states), more)
 
 
-def _with_amounts(document: dict[str, Any], content: dict[str, Any], states: int) -> dict[str, Any]:
-    """The whole file: it states the largest amounts that are found for what its hints prove."""
+def _with_amounts(
+    document: dict[str, Any], content: dict[str, Any], states: int, more: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
+    """The whole file: it states the largest amounts that are found for what its hints prove, and what there is more."""
 
-    def file(stated: Stated) -> dict[str, Any]:
-        return with_hash(CLAIM, {"certificate": document["hash"], "amounts": write_amounts(stated), **content})
+    def file(stated: Stated, **more: Any) -> dict[str, Any]:
+        return with_hash(CLAIM, {"certificate": document["hash"], "amounts": write_amounts(stated), **content, **more})
 
     nothing = Absorbed(fmpq(0), (fmpq(0),) * states, (fmpq(0),) * states, fmpq(0))
     _, bounds = stated_and_proven(document, file(Stated(nothing, nothing, ())))
-    return file(largest_amounts(bounds))
+    return file(largest_amounts(bounds), **more)
 
 
 def _chain_document(document: dict[str, Any], solver: Solver) -> dict[str, Any]:

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import fmpq
 from jaxtyping import Bool, Float, Int
+from threadpoolctl import threadpool_limits
 
-from cfjax.certificate.fit import enclose
-from cfjax.certificate.program import coefficients, program_of, prove, solved
+from cfjax.certificate.fit import FUNCTIONS, enclose
+from cfjax.certificate.program import MARGIN_BITS, coefficients, program_of, prove, solved
 from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import dyadic, round_whitening
 from cfjax.certificate.writing import write_grams, write_unary
@@ -27,8 +28,8 @@ from cfjax.check.sampled import (
     DEGREES,
     FORK_DEGREE,
     HeldRange,
+    HoldCell,
     Inputs,
-    LeafProgram,
     Part,
     SampledClaim,
     held_ranges,
@@ -41,70 +42,118 @@ from cfjax.verdict import Verdict
 
 POINTS, FEW = 30_000, 2_000  # samples of a range, and of a node that is looked at closely
 DEEPEST = 16  # forks on the way to a leaf
+OTHERS = 4  # inputs that are tried where a node cannot be cut
 CANDIDATES = 6  # pairs of inputs, of which the cut where they are equal is looked at closely
 RATIO = 2.0  # of the ends of a range of q
-CUT_BITS, FORK_BITS, BEND_BITS = 16, 24, 0
-SPARE = 1.001  # by which R_u is stated larger than found
+CUT_BITS, FORK_BITS, LEVEL_BITS = 16, 24, 20
+ORDER = 3
+SHARE = 0.5  # of what samples say: so much λ' is looked for. More of it takes more leaves
 
 Points = Float[np.ndarray, "k n"]
 
 
-class Question(NamedTuple):
-    """What is asked: the period (s), the order, levels of each input, and the share of what samples allow."""
-
-    period: fmpq
-    order: int
-    levels: tuple[tuple[fmpq, ...], ...]
-    share: float = 0.7
-
-
-def three_levels(leg: LegClaim[SegmentClaim], own: Sequence[fmpq]) -> tuple[tuple[fmpq, ...], ...]:
-    """Of each input both ends and the reference's own value, where it has room to move."""
-    box = leg.problem.inputs.values()
-    return tuple(tuple(sorted({lower, middle, upper})) for (lower, upper), middle in zip(box, own, strict=True))
-
-
-def sampled_hints(leg: LegClaim[SegmentClaim], closed: bool, question: Question, solver: Solver) -> dict[str, Any]:
-    """What is stated of holds up to the period, with hints; the largest decrease that is proven.
+def sampled_hints(leg: LegClaim[SegmentClaim], closed: bool, period: fmpq, solver: Solver) -> dict[str, Any]:
+    """What is stated of holds up to the period (s), with hints; with three levels of each input, or more of one.
 
     Raises:
         NotProven: a part of the funnel for which nothing was found.
         Broken, ValueError: a vehicle, a V or a reference of a kind that is not looked at.
     """
-    choices: tuple[Inputs, ...] = tuple(itertools.product(*question.levels))
-    count = len(choices)
-    cuts = _cuts(leg, closed, question.period)
-    claim = SampledClaim(question.period, question.order, fmpq(1), choices, (fmpq(0),) * count, cuts)
+    motion = _Motion.of(leg)
+    try:
+        return hints_with(leg, closed, period, motion.levels(), solver)
+    except NotProven:
+        return hints_with(leg, closed, period, motion.levels(motion.strongest), solver)
+
+
+def hints_with(
+    leg: LegClaim[SegmentClaim],
+    closed: bool,
+    period: fmpq,
+    levels: Sequence[Sequence[fmpq]],
+    solver: Solver,
+    order: int = ORDER,
+) -> dict[str, Any]:
+    """The same with these levels of each input, and so many derivatives of V in the polynomial."""
+    with threadpool_limits(1, user_api="blas"):  # for arrays of this size threads only wait for each other
+        choices: tuple[Inputs, ...] = tuple(itertools.product(*levels))
+        nothing = (fmpq(0),) * len(choices)
+        claim = SampledClaim(period, order, fmpq(1), choices, nothing, _cuts(leg, closed, period))
+        return _stated(leg, closed, claim, solver)
+
+
+def _stated(leg: LegClaim[SegmentClaim], closed: bool, claim: SampledClaim, solver: Solver) -> dict[str, Any]:
     asked = [(_with_functions(held), parts) for held, parts in held_ranges(leg, closed, claim)]
     bends = [_bends(held, solver) for held, _ in asked]
     largest = (max(fmpq(0), *(-margin for margin, _ in each)) for each in zip(*bends, strict=True))
-    claim = replace(claim, bends=tuple(fmpq((bound * 1001 / 1000).ceil()) for bound in largest))
+    claim = replace(claim, bends=tuple(fmpq(bound.ceil()) for bound in largest))
     growers = [[_Grower(held, part, claim, solver) for part in parts] for held, parts in asked]
     everywhere = list(itertools.chain.from_iterable(growers))
     shell = [grower for grower in everywhere if grower.part.is_shell]
-    target = question.share * min(grower.best() for grower in shell)
-    if not target > 0:
-        raise NotProven(Verdict.INCONCLUSIVE, f"sampled: V falls at no more than {target / question.share:.3g} 1/s")
+    best = min(grower.best() for grower in shell)
+    if not best > 0:
+        raise NotProven(Verdict.INCONCLUSIVE, f"sampled: V rises at {-best:.3g} 1/s somewhere, whichever input is held")
     for grower in everywhere:
-        grower.grow(target if grower.part.is_shell else 0.0)
+        grower.grow(SHARE * best if grower.part.is_shell else 0.0)
     decrease = min(leaf.spare for grower in shell for leaf in grower.leaves)
     return {
         "period": str(claim.period),
         "order": claim.order,
-        "decrease": str(fmpq(floor(decrease * 2**20), 2**20)),
-        "inputs": [[str(value) for value in choice] for choice in choices],
+        "decrease": str(fmpq(floor(decrease * 2**MARGIN_BITS), 2**MARGIN_BITS)),
+        "inputs": [[str(value) for value in choice] for choice in claim.choices],
         "bends": [str(bound) for bound in claim.bends],
-        "cuts": [str(cut) for cut in cuts],
+        "cuts": [str(cut) for cut in claim.cuts],
         "ranges": [
             {
                 "whitening": [[str(entry) for entry in row] for row in held.whitening],
                 "enclosures": write_unary(held.enclosures),
-                "bends": [{"margin": str(proof.margin), "grams": write_grams(proof.grams)} for _, proof in own],
+                "bends": [_written(proof) for _, proof in own],
                 "trees": [grower.written() for grower in each],
             }
             for (held, _), own, each in zip(asked, bends, growers, strict=True)
         ],
     }
+
+
+def _written(proof: CellProof) -> dict[str, Any]:
+    return {"margin": str(proof.margin), "grams": write_grams(proof.grams)}
+
+
+class _Motion(NamedTuple):
+    """On the reference: the inputs that keep a car there, and which one of the vehicle's moves V most."""
+
+    box: tuple[tuple[fmpq, fmpq], ...]
+    own: tuple[fmpq, ...]
+    strongest: int
+
+    @classmethod
+    def of(cls, leg: LegClaim[SegmentClaim]) -> "_Motion":
+        """From the rates at x = 0, which are affine in the inputs."""
+        names, box = tuple(leg.problem.inputs), tuple(leg.problem.inputs.values())
+        still = {f"reference:{name}": float(value) for name, value in leg.along.profile(fmpq(0)).items()}
+        still |= dict.fromkeys(leg.problem.vehicle.states, 0.0)
+
+        def rates(inputs: Float[np.ndarray, " m"]) -> Float[np.ndarray, " n"]:
+            values = still | {f"input:{name}": value for name, value in zip(names, inputs, strict=True)}
+            graph = leg.problem.vehicle.graph
+            return np.array(graph.evaluate(values, float, lambda _, name, argument: FUNCTIONS[name](argument)))
+
+        units = np.eye(len(names))
+        effects = np.array([rates(unit) - rates(0 * unit) for unit in units])
+        rest, *_ = np.linalg.lstsq(effects[1:].T, -rates(units[0]), rcond=None)
+        shape = np.array([[float(entry) for entry in row] for row in leg.funnel.shape])
+        widths = np.array([float(upper - lower) for lower, upper in box])
+        moved = np.einsum("ij,jk,ik->i", effects, shape, effects) * widths**2
+        own = [fmpq(1), *(dyadic(value, LEVEL_BITS) for value in rest)]
+        clipped = (min(max(value, lower), upper) for value, (lower, upper) in zip(own, box, strict=True))
+        return cls(box, tuple(clipped), 1 + int(moved[1:].argmax()))
+
+    def levels(self, fine: int | None = None) -> list[list[fmpq]]:
+        """Of each input both ends and the reference's own; of the one that is named what lies in the middle too."""
+        found = [sorted({lower, own, upper}) for (lower, upper), own in zip(self.box, self.own, strict=True)]
+        if fine is not None:
+            found[fine] = sorted({*found[fine], *((one + other) / 2 for one, other in itertools.pairwise(found[fine]))})
+        return found
 
 
 def _cuts(leg: LegClaim[SegmentClaim], closed: bool, period: fmpq) -> tuple[fmpq, ...]:
@@ -140,9 +189,9 @@ def _bends(held: HeldRange, solver: Solver) -> list[tuple[fmpq, CellProof]]:
     return found
 
 
-def _program(claim: HeldRange | LeafProgram, cell: int) -> Program:
-    claim.domain.budget.left = LARGEST_EFFORT
-    return program_of(claim, cell)
+def _program(held: HeldRange, cell: HoldCell) -> Program:
+    held.domain.budget.left = LARGEST_EFFORT
+    return program_of(held, cell)
 
 
 # --- trees
@@ -157,8 +206,7 @@ class _Leaf:
     spare: fmpq
 
     def written(self) -> dict[str, Any]:
-        proofs = [{"margin": str(proof.margin), "grams": write_grams(proof.grams)} for proof in self.proofs]
-        return {"choice": self.choice, "proofs": proofs}
+        return {"choice": self.choice, "proofs": list(map(_written, self.proofs))}
 
 
 class _Samples(NamedTuple):
@@ -186,9 +234,17 @@ class _Node:
     """Samples, and the forks on the way here: arrays of coefficients of polynomials that are not negative."""
 
     samples: _Samples
+    above: "_Node | None" = None
     forks: tuple[np.ndarray, ...] = ()
     leaf: _Leaf | None = None
     sides: "tuple[_Node, ...]" = ()
+
+    @property
+    def worst(self) -> Float[np.ndarray, " u"]:
+        """What is lacking at each input at its worst sample; without samples, of those around."""
+        if not len(self.samples.points) and self.above:
+            return self.above.worst
+        return self.samples.excess.max(axis=0)
 
     def leaves(self) -> Iterator[_Leaf]:
         if self.leaf:
@@ -202,6 +258,15 @@ class _Node:
         above, below = self.sides
         fork = [str(dyadic(value, FORK_BITS)) for value in above.forks[-1]]
         return {"fork": fork, "above": above.written(), "below": below.written()}
+
+
+class _Tried(NamedTuple):
+    """A leaf, what was asked and answered, and what that shows beyond ρ, 1/s."""
+
+    cells: list[HoldCell]
+    programs: list[Program]
+    solutions: list[Solution]
+    shown: float
 
 
 class _Grower:
@@ -220,7 +285,7 @@ class _Grower:
         self.rng = np.random.default_rng(0)
         self.root = _Node(self._drawn())
         samples = self.root.samples
-        self.near = np.linalg.lstsq(samples.powers, samples.last, rcond=None)[0]  # B_{m−1} as if of a low degree
+        self.near = _fitted(samples.powers, samples.last)  # B_{m−1} as if of a low degree
 
     @property
     def leaves(self) -> list[_Leaf]:
@@ -286,52 +351,60 @@ class _Grower:
             while open_:
                 node = open_.pop()
                 node.samples = self._closer(node)
-                worst = node.samples.excess.max(axis=0, initial=-np.inf)
-                choice = int(worst.argmin())
-                if worst[choice] <= -target or not self._cut(node, 1.05 * target + 0.05):
+                choice = int(node.worst.argmin())
+                if node.worst[choice] <= -target or not self._cut(node, 1.05 * target + 0.05):
                     ready.append((node, choice))
                 else:
                     open_ += node.sides
             open_ = self._settled(ready, target)
-            print("   round", len(self.leaves), len(open_), flush=True)
 
     def _settled(self, ready: Sequence[tuple[_Node, int]], target: float) -> list[_Node]:
         """Leaves that are proven become so; what is left are the sides of nodes that had to be cut."""
-        leaves = [LeafProgram(self.held, self.part, choice, self._exact(node.forks)) for node, choice in ready]
-        cells = range(self.claim.order)
-        programs = [_program(leaf, cell) for leaf in leaves for cell in cells]
-        solutions = solved(self.solver, programs)
-        size, left = len(cells), []
-        for index, ((node, choice), program) in enumerate(zip(ready, leaves, strict=True)):
-            own = slice(index * size, (index + 1) * size)
-            rest = [0.0] * (size - 1) + [self.left_out[choice]]
-            shown = min(s.margin - r for s, r in zip(solutions[own], rest, strict=True))
+        tried, left = self._tried([(node, (choice,)) for node, choice in ready]), []
+        for (node, _), found in zip(ready, tried, strict=True):
             attainable = -float(node.samples.excess.min(axis=1).max(initial=-np.inf))
-            if not shown > target and self._cut(node, max(1.3 * target + 0.3, attainable)):
-                left += node.sides
-                continue
-            node.leaf = self._proven(program, choice, programs[own], solutions[own])
+            if not found.shown > target:
+                if self._cut(node, max(1.3 * target + 0.3, attainable)):
+                    left += node.sides
+                    continue
+                (found,) = self._tried([(node, tuple(map(int, node.worst.argsort()[:OTHERS])))])
+            node.leaf = self._proven(found)
         return left
 
-    def _proven(
-        self, leaf: LeafProgram, choice: int, programs: Sequence[Program], solutions: Sequence[Solution]
-    ) -> _Leaf:
-        proofs, spare = [], []
-        for cell, (program, solution) in enumerate(zip(programs, solutions, strict=True)):
+    def _tried(self, asked: Sequence[tuple[_Node, tuple[int, ...]]]) -> "list[_Tried]":
+        """What sums of squares say of each node, with the best of the inputs that are named for it."""
+        leaves = [self._cells(node, choice) for node, choices in asked for choice in choices]
+        programs = [[_program(self.held, cell) for cell in cells] for cells in leaves]
+        solutions = iter(solved(self.solver, list(itertools.chain.from_iterable(programs))))
+        found = []
+        for cells, own in zip(leaves, programs, strict=True):
+            hints = [next(solutions) for _ in own]
+            shown = min(*(hint.margin for hint in hints[:-1]), hints[-1].margin - self.left_out[cells[0].choice])
+            found.append(_Tried(cells, own, hints, shown))
+        each = iter(found)
+        return [max((next(each) for _ in choices), key=lambda one: one.shown) for _, choices in asked]
+
+    def _proven(self, tried: "_Tried") -> _Leaf:
+        choice, proofs, spare = tried.cells[0].choice, [], []
+        for cell, program, solution in zip(tried.cells, tried.programs, tried.solutions, strict=True):
             self.held.domain.budget.left = LARGEST_EFFORT
-            found = prove(leaf, cell, program, solution)
+            found = prove(self.held, cell, program, solution)
             if found.proof is None:
-                raise NotProven(Verdict.SOLVER_FAILED, f"sampled: a leaf of input {choice} is not proven: {solution}")
+                raise NotProven(Verdict.SOLVER_FAILED, f"sampled: input {choice} is not proven: {solution}")
             proofs.append(found.proof)
-            spare.append(found.margin - self.claim.left_out(choice) * (cell == self.claim.order - 1))
+            spare.append(found.margin - self.claim.left_out(choice) * (cell.value == self.claim.order - 1))
         if not (min(spare) > 0 if self.part.is_shell else min(spare) >= 0):
             raise NotProven(
-                Verdict.INCONCLUSIVE, f"sampled: a leaf of input {choice} shows {float(min(spare)):.3g} 1/s, no more"
+                Verdict.INCONCLUSIVE,
+                f"sampled: input {choice} shows {float(min(spare)):.3g} 1/s somewhere, no more",
             )
         return _Leaf(choice, tuple(proofs), min(spare))
 
-    def _exact(self, forks: Sequence[np.ndarray]) -> tuple[Any, ...]:
-        return tuple(self.held.fork(tuple(dyadic(value, FORK_BITS) for value in fork)) for fork in forks)
+    def _cells(self, node: _Node, choice: int) -> list[HoldCell]:
+        """What has to be shown for a node to be a leaf of an input."""
+        exact = (self.held.fork(tuple(dyadic(value, FORK_BITS) for value in fork)) for fork in node.forks)
+        forks = tuple(exact)
+        return [HoldCell(j, choice, self.part, forks) for j in range(self.claim.order)]
 
     def _cut(self, node: _Node, target: float) -> bool:
         """Into two sides, where that can be."""
@@ -341,7 +414,7 @@ class _Grower:
         fork = np.round(fork / np.abs(fork).max() * 2**FORK_BITS) / 2**FORK_BITS
         above = node.samples.powers @ fork >= 0
         node.sides = tuple(
-            _Node(node.samples.of(side), (*node.forks, sign * fork)) for side, sign in ((above, 1), (~above, -1))
+            _Node(node.samples.of(side), node, (*node.forks, sign * fork)) for side, sign in ((above, 1), (~above, -1))
         )
         return True
 
@@ -356,8 +429,7 @@ class _Grower:
         for pair in np.argsort(scores)[:CANDIDATES]:
             difference = last[:, first[pair]] - last[:, second[pair]]
             weights = np.exp(-((difference / (np.quantile(np.abs(difference), 0.3) + 1e-9)) ** 2)) + 1e-3
-            fitted = np.linalg.lstsq(powers * weights[:, None], difference * weights, rcond=None)[0]
-            for fork in (apart[:, pair], fitted):
+            for fork in (apart[:, pair], _fitted(powers, difference, weights)):
                 score = float(_scores((powers @ fork >= 0)[:, None], lacking)[0])
                 if score < best[0]:
                     best = score, fork
@@ -370,6 +442,14 @@ class _Grower:
             return np.arange(count)
         worst = np.argsort(excess.min(axis=1))[-FEW:]
         return np.concatenate([self.rng.choice(count, 2 * FEW, replace=False), worst])
+
+
+def _fitted(
+    powers: Float[np.ndarray, "k p"], values: Float[np.ndarray, "k ..."], weights: Float[np.ndarray, " k"] | float = 1.0
+) -> Float[np.ndarray, "p ..."]:
+    """Coefficients of the polynomial that is nearest to the values; where samples are few, of a small one."""
+    weighted = (powers.T * weights) * weights
+    return np.linalg.solve(weighted @ powers + 1e-9 * len(powers) * np.eye(powers.shape[1]), weighted @ values)
 
 
 def _scores(above: Bool[np.ndarray, "k p"], lacking: Float[np.ndarray, "k u"]) -> Float[np.ndarray, " p"]:

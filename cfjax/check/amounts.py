@@ -27,6 +27,7 @@ from flint import fmpq
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.certified import LAW_SHARE
 from cfjax.check.reader import Broken
+from cfjax.check.sampled import SampledClaim
 
 
 SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
@@ -129,13 +130,15 @@ class BoundsOver:
     """What is proven over the funnels of a certificate, and what follows for amounts.
 
     `rates` are those of each distinct segment, of each band of a tube's speeds (m/s), or of all bands of all tubes
-    along a path; `along` has for each run of such a path bounds for all of which the law has to ask.
+    along a path; `along` has for each run of such a path bounds for all of which the law has to ask. `sampled` is what
+    is proven of a law that looks one hold ahead.
     """
 
     rates: tuple[Rates, ...]
     keeps: Keeps
     bands: tuple[Range, ...] = ()
     along: tuple[Bounds, ...] = ()
+    sampled: SampledClaim | None = None
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,7 @@ class Robustness:
     bands: tuple[Range, ...] = ()
     by_speed: tuple[Absorbed, ...] = ()
     along: tuple[Bounds, ...] = ()
+    sampled: SampledClaim | None = None
 
 
 def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
@@ -192,6 +196,7 @@ def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
         bands=bounds.bands,
         by_speed=by_speed,
         along=bounds.along,
+        sampled=bounds.sampled,
     )
 
 

@@ -22,9 +22,11 @@ from cfjax.check.hints import (
 )
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Broken, Item, Unreadable
+from cfjax.check.sampled import RangeHints, SampledClaim
+from cfjax.check.sampled_hints import read_sampled
 
 
-CLAIM = "robustness"
+CLAIM, SAMPLED = "robustness", "sampled"
 DEGREES = (2, 1)  # of the monomials in Gram matrices: of the free square, and of the ranges of levels
 MOST_VERTICES = 256  # eight parameters that vary
 
@@ -62,12 +64,13 @@ class RobustnessFile(NamedTuple, Generic[Hints]):
     """A file about a certificate: amounts that it states, and hints for the bounds that allow them.
 
     `hints` are those of each funnel, or of each tube of a chain. `entries` has for each funnel √γ, V being at most γ
-    where another one hands over to it.
+    where another one hands over to it. `sampled` is what a file says of sampled control, with hints, where it does.
     """
 
     stated: Stated
     hints: tuple[Hints, ...]
     entries: tuple[fmpq, ...] = ()
+    sampled: tuple[SampledClaim, tuple[RangeHints, ...]] | None = None
 
 
 def read_chain_robustness(document: object, certificate: str, tubes: int, states: int) -> RobustnessFile[TubeHints]:
@@ -94,7 +97,8 @@ def read_robustness(
         Unreadable: says what was expected where.
         Broken: the file is about another certificate, or its hash is not that of its content.
     """
-    amounts, each, entries = _fields(document, certificate, "funnels", "entries")
+    says_more = [SAMPLED] if isinstance(document, dict) and SAMPLED in document else []
+    amounts, each, entries, *sampled = _fields(document, certificate, "funnels", "entries", *says_more)
     room = Room(MOST_GRAM_ENTRIES)
     return RobustnessFile(
         _stated(amounts, states),
@@ -103,6 +107,7 @@ def read_robustness(
             for item in each.items(funnels, funnels)
         ),
         tuple(map(_amount, entries.items(funnels, funnels))),
+        next((read_sampled(item, states, room) for item in sampled), None),
     )
 
 

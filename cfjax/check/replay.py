@@ -20,6 +20,7 @@ from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
 from cfjax.check.robustness import bounds_over
+from cfjax.check.sampled import prove_holds
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.check.vehicle import check_known_vehicle
 
@@ -75,7 +76,10 @@ def _of_funnels(document: dict, hints: object) -> tuple[Stated, BoundsOver]:
     problem = certificate.problem
     file = read_robustness(hints, str(document["hash"]), len(certificate.funnels), len(problem.vehicle.states))
     dynamics = symbolic(problem.vehicle.graph, problem.vehicle.states, tuple(problem.inputs))
-    return file.stated, bounds_over(certificate, dynamics, file.hints, file.entries)
+    if file.sampled:
+        prove_holds(certificate, dynamics, *file.sampled)
+    bounds = bounds_over(certificate, dynamics, file.hints, file.entries)
+    return file.stated, replace(bounds, sampled=file.sampled[0]) if file.sampled else bounds
 
 
 def _along_chain(document: dict, hints: object) -> tuple[Stated, BoundsOver]:

@@ -14,12 +14,12 @@ s ≤ h. What has to be shown is that for every deviation some u of the set has
 Then V never rises above 1, and on the shell it falls at λ' from one choice to the next, however long each hold is.
 
 For V = e^{kθ} q the derivatives are e^{kθ} P_n with P_0 = q and P_{n+1} = ∇P_n · f + k u0 P_n: exact polynomials in
-states, inputs and the sines of states. θ is eliminated as in `cfjax.check.level`: ranges of q = xᵀ C x cover the funnel,
-and drop(q) is at least e^{−kθ} wherever the claim is made.
+states, inputs and the sines of states. θ is eliminated as in `cfjax.check.level`: ranges of q = xᵀ C x cover the
+funnel, and drop(q) is at least e^{−kθ} wherever the claim is made.
 
 **The cut.** Where some input does it, a tree says: each fork holds a polynomial, and the deviations where it is not
-negative go one way, all others the other way. Whatever the polynomials are, the leaves cover the range. A leaf names one
-input, and sums of squares show B_j there (`cfjax.check.program`), with the forks on the way as constraints.
+negative go one way, all others the other way. Whatever the polynomials are, the leaves cover the range. A leaf names
+one input, and sums of squares show B_j there (`cfjax.check.program`), with the forks on the way as constraints.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,17 +30,17 @@ from math import comb, factorial
 from types import MappingProxyType
 from typing import NamedTuple
 
-from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq, fmpq_mat, fmpq_mpoly
 
 from cfjax.check.bounds import Range
-from cfjax.check.document import FunnelClaim, SegmentClaim
-from cfjax.check.enclosure import LARGEST_EFFORT, Budget, Domain, Enclosure, UnaryEnclosure
+from cfjax.check.document import Certificate, Course, FunnelClaim, SegmentClaim
+from cfjax.check.enclosure import LARGEST_EFFORT, Budget, Enclosure, UnaryEnclosure
 from cfjax.check.held import TIMING
 from cfjax.check.hints import EnclosureHints
-from cfjax.check.level import Contracting, LevelPiece
+from cfjax.check.level import Affine, Contracting, LevelPiece
 from cfjax.check.parametric import Combination, Parametric
 from cfjax.check.program import CellProof, FunnelProgram, Gram, Matrix, monomials
-from cfjax.check.proof import LegClaim, prove_enclosures
+from cfjax.check.proof import MOST_EFFORT, LegClaim, prove_enclosures
 from cfjax.check.rational import sqrt_lower, sqrt_upper
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap
@@ -106,10 +106,10 @@ class SampledClaim:
         """ρ, 1/s."""
         return self.period**self.order / factorial(self.order + 1) * self.bends[choice]
 
-    def need(self, part: "Part", choice: int, cell: int) -> fmpq:
+    def need(self, part: "Part", choice: int, j: int) -> fmpq:
         """By how many drops −B_j + slack has to be above zero, 1/s."""
         asked = self.decrease if part.is_shell else fmpq(0)
-        return asked + (self.left_out(choice) if cell == self.order - 1 else 0)
+        return asked + (self.left_out(choice) if j == self.order - 1 else 0)
 
 
 # --- derivatives of V
@@ -128,7 +128,9 @@ def derivatives(leg: LegClaim[SegmentClaim], order: int) -> list[fmpq_mpoly]:
     symbols, zero = dynamics.symbols, domain.ring.constant(0)
     profile = {f"reference:{name}": value for name, value in leg.along.profile(fmpq(0)).items()}
     generators = domain.ring.names()
-    numbers = {generators[dynamics.names.index(name)]: value for name, value in profile.items()}
+    numbers: dict[str | int, fmpq | int] = {
+        generators[dynamics.names.index(name)]: value for name, value in profile.items()
+    }
     rates = [rate.subs(numbers) for rate in dynamics.rates]
     circles = _circles(dynamics)
     pairs = ((i, j) for i in range(len(states)) for j in range(len(states)))
@@ -179,8 +181,8 @@ def control_points(each: Sequence[fmpq_mpoly], period: fmpq) -> list[fmpq_mpoly]
 class Part(NamedTuple):
     """What is asked on a range: −B_j + slack ≥ need drop, slack and drop affine in q (`SampledClaim.need`)."""
 
-    slack: tuple[fmpq, fmpq]
-    drop: tuple[fmpq, fmpq]
+    slack: Affine
+    drop: Affine
     is_shell: bool
 
 
@@ -211,10 +213,10 @@ def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]
         raise Broken("sampled: the cuts do not follow each other in the range that they cut")
     rising, itself = (zero, 1 / beta), (zero, fmpq(1))
 
-    def inside(room: tuple[fmpq, fmpq]) -> Part:
+    def inside(room: Affine) -> Part:
         return Part((room[0] / claim.period, (room[1] - 1) / claim.period), room, is_shell=False)
 
-    def shell(drop: tuple[fmpq, fmpq]) -> Part:
+    def shell(drop: Affine) -> Part:
         return Part((zero, zero), drop, is_shell=True)
 
     middle = (Asked(LevelPiece(*each, timing, itself), (inside(rising), shell(rising))) for each in pairwise(ends))
@@ -225,9 +227,18 @@ def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]
     ]
 
 
+class HoldCell(NamedTuple):
+    """One of the values of a range at an input, where polynomials are not negative: B_j of a part, or P_{m+1}."""
+
+    value: int  # j, or BEND
+    choice: int
+    part: Part | None = None
+    forks: tuple[fmpq_mpoly, ...] = ()
+
+
 @dataclass(frozen=True)
 class HeldRange(FunnelProgram):
-    """B_j and P_{m+1} as polynomials in y, x = W y, on one range of q; what is proven of a cell (an input) is −R_u.
+    """Polynomials in y, x = W y, on one range of q, and what is claimed there; a cell of P_{m+1} has margin −R_u.
 
     `values` are B_0 … B_{m−1} and P_{m+1}, in the symbols of `dynamics`.
     """
@@ -241,11 +252,6 @@ class HeldRange(FunnelProgram):
     whitening: Matrix
     piece: LevelPiece
     enclosures: Mapping[int, UnaryEnclosure]
-
-    @property
-    def degrees(self) -> tuple[int, ...]:
-        square, other = BEND_DEGREES
-        return square, *[other] * len(self.edges)
 
     @property
     def peak(self) -> fmpq:
@@ -269,7 +275,7 @@ class HeldRange(FunnelProgram):
         return [self._enclosed(value, self.functions) for value in self.values]
 
     def _enclosed(self, value: fmpq_mpoly, functions: Mapping[int, Enclosure]) -> Parametric:
-        """A polynomial in states, inputs and functions: for each product of inputs and functions, what it multiplies."""
+        """A polynomial in states, inputs and functions, inputs being parameters."""
         names = self.dynamics.names
         count = len(self.states)
         gathered: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
@@ -322,22 +328,35 @@ class HeldRange(FunnelProgram):
         rest = Enclosure(self.domain, self.ring.constant(0), (constant, linear, square)).remainder_polynomial(around)
         return self.domain.sum(rate.polynomial(most), rest)
 
-    # --- R_u
+    def fork(self, coefficients: Coefficients) -> fmpq_mpoly:
+        """The polynomial at a fork."""
+        names = monomials(len(self.states), FORK_DEGREE)
+        return self.ring.from_dict({e: c for e, c in zip(names, coefficients, strict=True) if c})
 
-    def cells(self) -> Iterator[int]:
-        yield from range(len(self.choices))
+    # --- claims
 
-    def target(self, cell: int) -> fmpq_mpoly:
-        return self.domain.negative(self.upper(BEND, cell, 2 * self.degrees[0]))
+    def cells(self) -> Iterator[HoldCell]:
+        """Those of R_u; what leaves there are a tree says."""
+        for choice in range(len(self.choices)):
+            yield HoldCell(BEND, choice)
 
-    def drop(self, cell: int) -> fmpq_mpoly:
-        return self.piece.drop_at(self.form)
+    def degrees_of(self, cell: HoldCell) -> tuple[int, ...]:
+        square, other = DEGREES if cell.part else BEND_DEGREES
+        return square, *[other] * (len(cell.forks) + len(self.edges))
 
-    def least_drop(self, cell: int) -> fmpq:
-        return self.piece.least_drop
+    def target(self, cell: HoldCell) -> fmpq_mpoly:
+        most = self.domain.negative(self.upper(cell.value, cell.choice, 2 * self.degrees_of(cell)[0]))
+        return self.domain.sum(affine(cell.part.slack, self.form), most) if cell.part else most
 
-    def constraints(self, cell: int) -> list[fmpq_mpoly]:
-        return self.edges
+    def drop(self, cell: HoldCell) -> fmpq_mpoly:
+        return affine(cell.part.drop, self.form) if cell.part else self.piece.drop_at(self.form)
+
+    def least_drop(self, cell: HoldCell) -> fmpq:
+        constant, slope = cell.part.drop if cell.part else self.piece.drop
+        return constant + slope * (self.piece.lower if slope > 0 else self.piece.upper)
+
+    def constraints(self, cell: HoldCell) -> list[fmpq_mpoly]:
+        return [*cell.forks, *self.edges]
 
     @cached_property
     def edges(self) -> list[fmpq_mpoly]:
@@ -345,71 +364,11 @@ class HeldRange(FunnelProgram):
         above = [self.form - self.piece.lower] if self.piece.lower > 0 else []
         return [*above, self.piece.upper - self.form]
 
-    def fork(self, coefficients: Coefficients) -> fmpq_mpoly:
-        """The polynomial at a fork."""
-        names = monomials(len(self.states), FORK_DEGREE)
-        return self.ring.from_dict({e: c for e, c in zip(names, coefficients, strict=True) if c})
 
-
-@dataclass(frozen=True)
-class LeafProgram(FunnelProgram):
-    """−B_j + slack ≥ need drop on a leaf of a range's tree; cells are the numbers j."""
-
-    held: HeldRange
-    part: Part
-    choice: int
-    forks: tuple[fmpq_mpoly, ...]  # not negative here
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        return self.held.states
-
-    @property
-    def shape(self) -> Matrix:
-        return self.held.shape
-
-    @property
-    def whitening(self) -> Matrix:
-        return self.held.whitening
-
-    @property
-    def peak(self) -> fmpq:
-        return self.held.peak
-
-    @property
-    def ring(self) -> fmpq_mpoly_ctx:
-        return self.held.ring
-
-    @property
-    def domain(self) -> Domain:
-        return self.held.domain
-
-    @property
-    def form(self) -> fmpq_mpoly:
-        return self.held.form
-
-    @property
-    def degrees(self) -> tuple[int, ...]:
-        square, other = DEGREES
-        return square, *[other] * (len(self.forks) + len(self.held.edges))
-
-    def cells(self) -> Iterator[int]:
-        yield from range(len(self.held.values) - 1)
-
-    def target(self, cell: int) -> fmpq_mpoly:
-        constant, slope = self.part.slack
-        return constant + slope * self.form - self.held.upper(cell, self.choice, 2 * DEGREES[0])
-
-    def drop(self, cell: int) -> fmpq_mpoly:
-        constant, slope = self.part.drop
-        return constant + slope * self.form
-
-    def least_drop(self, cell: int) -> fmpq:
-        constant, slope = self.part.drop
-        return min(constant + slope * self.held.piece.lower, constant + slope * self.held.piece.upper)
-
-    def constraints(self, cell: int) -> list[fmpq_mpoly]:
-        return [*self.forks, *self.held.edges]
+def affine(coefficients: Affine, q: fmpq_mpoly) -> fmpq_mpoly:
+    """Constant and slope at q."""
+    constant, slope = coefficients
+    return constant + slope * q
 
 
 # --- the proof
@@ -445,6 +404,28 @@ def held_ranges(
         yield held, parts
 
 
+def prove_holds(certificate: Certificate, dynamics: Symbolic, claim: SampledClaim, hints: Sequence[RangeHints]) -> None:
+    """What a file states of holds along the path of a proven certificate.
+
+    Raises:
+        Broken, ValueError: says what is not proven.
+    """
+    leg, course = steady_leg(certificate, dynamics)
+    prove_sampled(leg, course.reference.gap if course.closed else None, claim, hints, Budget(MOST_EFFORT))
+
+
+def steady_leg(certificate: Certificate, dynamics: Symbolic) -> tuple[LegClaim[SegmentClaim], Course]:
+    """The one steady segment that a certificate is about, which may be a lap.
+
+    Raises:
+        Broken: it is about another path.
+    """
+    course = certificate.problem.course
+    if not isinstance(course, Course) or len(course.segments) != 1 or not course.segments[0].is_steady:
+        raise Broken("sampled: expected a path that is one segment of one turning rate and speed")
+    return LegClaim(certificate.problem, dynamics, course.segments[0], certificate.funnels[0]), course
+
+
 def prove_sampled(
     leg: LegClaim[SegmentClaim], gap: Gap | None, claim: SampledClaim, hints: Sequence[RangeHints], effort: Budget
 ) -> None:
@@ -477,8 +458,6 @@ def prove_sampled(
 
 def _require_sense(leg: LegClaim[SegmentClaim], claim: SampledClaim) -> None:
     box = leg.problem.inputs
-    if not leg.along.is_steady:
-        raise Broken("sampled: expected a segment of one turning rate and speed")
     if not claim.period > 0 or not claim.decrease > 0 or claim.order not in ORDERS:
         raise Broken("sampled: expected a positive period and decrease, and an order of 2 or 3")
     if len(claim.bends) != len(claim.choices) or any(bend < 0 for bend in claim.bends):
@@ -510,7 +489,7 @@ class _Proof:
 
     def bend(self, choice: int, proof: Proof) -> None:
         """R_u."""
-        if -self._shown(self.held, choice, proof) > self.claim.bends[choice]:
+        if -self._shown(HoldCell(BEND, choice), proof) > self.claim.bends[choice]:
             raise Broken(f"{self.where}: derivative {self.claim.order + 1} of V may exceed the bound of input {choice}")
 
     def tree(self, part: Part, tree: Tree, forks: tuple[fmpq_mpoly, ...]) -> None:
@@ -523,16 +502,17 @@ class _Proof:
         if not tree.choice < len(self.claim.choices) or len(tree.proofs) != self.claim.order:
             raise Broken(f"{self.where}: a leaf is not about an input that is stated")
         if not part.is_shell and self.claim.left_out(tree.choice) * self.claim.period > 1:
-            raise Broken(f"{self.where}: too little is known of V under input {tree.choice} to hold it inside the shell")
-        program = LeafProgram(self.held, part, tree.choice, forks)
-        for cell, proof in enumerate(tree.proofs):
-            if self._shown(program, cell, proof) < self.claim.need(part, tree.choice, cell):
+            raise Broken(
+                f"{self.where}: too little is known of V under input {tree.choice} to hold it inside the shell"
+            )
+        for j, proof in enumerate(tree.proofs):
+            if self._shown(HoldCell(j, tree.choice, part, forks), proof) < self.claim.need(part, tree.choice, j):
                 what = "V does not fall as stated" if part.is_shell else "V may rise above 1"
                 raise Broken(f"{self.where}: {what} on a leaf of input {tree.choice}")
 
-    def _shown(self, program: FunnelProgram, cell: int, proof: Proof) -> fmpq:
+    def _shown(self, cell: HoldCell, proof: Proof) -> fmpq:
         budget = self.held.domain.budget
         budget.left = LARGEST_EFFORT
-        shown = program.proven_margin(CellProof(cell, *proof))
+        shown = self.held.proven_margin(CellProof(cell, *proof))
         self.effort.spend(LARGEST_EFFORT - budget.left)
         return shown

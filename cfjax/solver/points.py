@@ -7,7 +7,7 @@ by values (Papp & Yıldız 2019), a basis is orthonormal on the points.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
 
 import numpy as np
 from jaxtyping import Float
@@ -23,7 +23,8 @@ SEED = 0
 def vandermonde(points: Float[np.ndarray, "u n"], degree: int) -> Float[np.ndarray, "u r"]:
     """Values of the monomials up to a degree."""
     exponents = np.array(monomials(points.shape[1], degree))
-    return np.prod(points[:, None, :] ** exponents, axis=2)
+    powers = points[:, :, None] ** np.arange(degree + 1)
+    return reduce(np.multiply, (powers[:, axis, own] for axis, own in enumerate(exponents.T)))
 
 
 @dataclass(frozen=True, eq=False)  # compared as objects: there is one of a kind
