@@ -61,8 +61,8 @@ class Options:
         rounds: how often funnels are learned and certified, at most.
         solver: of the sums of squares: "batched", our own, or "clarabel", through CVXPY; either gives hints.
         robustness: whether control period, disturbances and delay that a certified funnel absorbs are proven too.
-        period: seconds for which the law that looks one hold ahead may hold its inputs, to be proven too; None: not
-            asked. Of paths that are one straight line or circle.
+        period: s, for which the law that looks one hold ahead holds its inputs at most: proven too, of a path that is
+            one straight line or one circle; None: not asked.
         cars: how many are driven through a certified funnel.
 
     Raises:
@@ -102,6 +102,8 @@ class Options:
             period=None if self.period is None else number("period", self.period, "s", above=0, most=LONGEST_PERIOD),
             **{name: whole(name, getattr(self, name), bound) for name, bound in least.items()},
         )
+        if self.period is not None and not self.robustness:
+            raise InputError("period: expected robustness=true, with which it is proven, got robustness=false")
         if self.objective.margin is not None and not self.chosen_learner.objectives:
             name = self.chosen_learner.name
             raise InputError(f"objective: expected margin with learner={name}, got {self.objective.kind}")

@@ -8,6 +8,7 @@ proof, the law takes the one under which V rises least, and says that nothing is
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -37,7 +38,8 @@ def choose_for_hold(
     choices = jnp.asarray(numbers.choices)
     room = jnp.ptp(choices, axis=0)
     own = jnp.stack(jnp.broadcast_arrays(*feedforward(vehicle, reference)))
-    distance = (((choices - own) / jnp.where(room > 0, room, 1.0)) ** 2).sum(axis=1)
+    apart = jax.vmap(lambda choice: (choice - own) / jnp.where(room > 0, room, 1.0))(choices)
+    distance = (apart**2).sum(axis=1)
     promised = ahead.good.any()
     cost = jnp.where(promised, jnp.where(ahead.good, distance, jnp.inf), ahead.change)
     return Chosen(choices[jnp.argmin(cost)], promised)

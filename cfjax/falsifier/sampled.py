@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from cfjax.coerce import instance, number, whole
 from cfjax.errors import InputError
 from cfjax.falsifier.falsifier import require_question
-from cfjax.falsifier.held import KEPT, NARROWER, ROUNDS, STEPS
+from cfjax.falsifier.held import KEPT, NARROWER, ROUNDS
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.sampled import Holds, look_ahead
 from cfjax.problem import Problem, ReferencePoint, Segment, Vehicle, deviation_rate
@@ -22,6 +22,8 @@ from cfjax.problem.runge_kutta import runge_kutta
 
 
 TRIALS = 2**13  # deviations, drawn anew around the worst ones in each round
+STEPS = 128  # of the horizon, by RK4: V is looked at after each
+ROUNDING = 1e-12  # of V
 
 
 def first_escape_of_holds(
@@ -88,7 +90,7 @@ def _leaving(
     theta: Float[Array, " k"],
     x: Float[Array, "k n"],
 ) -> Float[Array, " k"]:
-    """When V first passes 1 (s) under one of the good inputs, each held all the time; infinite where it does not."""
+    """When V is first seen above 1 (s) under one of the good inputs, each held all the time; else infinite."""
 
     def value(z: Array) -> Array:
         return template.value(numbers.rate, z[0], z[1:] @ numbers.shape @ z[1:])
@@ -102,9 +104,7 @@ def _leaving(
             return at, value(at)
 
         _, values = jax.lax.scan(move, z, None, length=STEPS)
-        before = jnp.concatenate([value(z)[None], values[:-1]])
-        share = jnp.clip((1 - before) / jnp.where(values > before, values - before, 1.0), 0.0, 1.0)
-        return jnp.where(values > 1, (jnp.arange(STEPS) + share) * step, jnp.inf).min()
+        return jnp.where(values > 1 + ROUNDING, jnp.arange(1, STEPS + 1) * step, jnp.inf).min()
 
     def of(theta: Array, x: Array) -> Array:
         good = look_ahead(vehicle, template, numbers, reference, theta, x).good

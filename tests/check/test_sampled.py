@@ -1,0 +1,320 @@
+"""Sampled control: derivatives of V against automatic ones, statements that are not true, and cars that are driven.
+
+A robot that moves in any direction, along a straight line: three states, so that a proof takes seconds.
+"""
+
+import copy
+import itertools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flint import fmpq
+
+from cfjax.certificate.rounding import round_funnel
+from cfjax.certificate.sampled import hints_with
+from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.writing import write_problem
+from cfjax.check.document import Course, SegmentClaim, read_problem
+from cfjax.check.enclosure import Budget
+from cfjax.check.hints import Room
+from cfjax.check.proof import MOST_EFFORT, LegClaim
+from cfjax.check.reader import Broken, Item
+from cfjax.check.reference import Gap
+from cfjax.check.sampled import SampledClaim, control_points, derivatives, prove_sampled
+from cfjax.check.sampled_hints import read_sampled
+from cfjax.check.symbolic import symbolic
+from cfjax.control.sampled import choose_for_hold
+from cfjax.falsifier.sampled import first_escape_of_holds
+from cfjax.funnel import Funnel, template_named
+from cfjax.funnel.sampled import Holds, holds
+from cfjax.problem import Method, Path, Problem, circle, deviation_rate, straight
+from cfjax.problem.runge_kutta import runge_kutta
+from cfjax.solver import solver_named
+from experiments.vehicles.omnidirectional import Omnidirectional
+
+
+PERIOD, ORDER = fmpq(1, 25), 2
+SHAPE = np.array([[4.0, 0.2, 0.1], [0.2, 4.0, 0.3], [0.1, 0.3, 4.0]])
+RATE, DURATION = 0.02, 2.0
+LEVELS = ((fmpq(1),), *[(fmpq(-3), fmpq(0), fmpq(3))] * 2, (fmpq(-2), fmpq(1), fmpq(3)))
+
+
+class Held(NamedTuple):
+    """A problem with a funnel, and what is stated of holds, with hints."""
+
+    problem: Problem
+    funnel: Funnel
+    hints: dict[str, Any]
+
+
+def question(path: Path | None = None) -> tuple[Problem, Funnel]:
+    line = path or straight(DURATION, speed=1.0)
+    problem = Problem(line, vehicle=Omnidirectional(), method=Method.TT, inlet=0.3, goal=0.6)
+    return problem, Funnel(template_named("contracting"), SHAPE, RATE, line.segments[0].duration)
+
+
+def leg_of(problem: Problem, funnel: Funnel) -> tuple[LegClaim[SegmentClaim], Gap | None]:
+    """With symbols of its own: their budget is that of one proof."""
+    claim = read_problem(write_problem(problem, trace_deviation(problem.vehicle)))
+    dynamics = symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs))
+    course = claim.course
+    assert isinstance(course, Course)
+    rounded = round_funnel(funnel, problem.path.segments[0])
+    gap = course.reference.gap if course.closed else None
+    return LegClaim(claim, dynamics, course.segments[0], rounded.claim(fmpq(1))), gap
+
+
+@pytest.fixture(scope="module")
+def held() -> Held:
+    problem, funnel = question()
+    leg, _ = leg_of(problem, funnel)
+    return Held(problem, funnel, hints_with(leg, False, PERIOD, LEVELS, solver_named("batched"), ORDER))
+
+
+def claim_of(hints: dict[str, Any]) -> SampledClaim:
+    return read_sampled(Item(hints, "sampled"), 3, Room(10**7))[0]
+
+
+def replayed(held: Held, change: Callable[[dict[str, Any]], object] = lambda hints: None) -> None:
+    hints = copy.deepcopy(held.hints)
+    change(hints)
+    claim, own = read_sampled(Item(hints, "sampled"), 3, Room(10**7))
+    leg, gap = leg_of(held.problem, held.funnel)
+    prove_sampled(leg, gap, claim, own, Budget(MOST_EFFORT))
+
+
+def leaves(tree: dict[str, Any]) -> list[dict[str, Any]]:
+    return [tree] if "choice" in tree else [*leaves(tree["above"]), *leaves(tree["below"])]
+
+
+def forks(tree: dict[str, Any]) -> list[dict[str, Any]]:
+    return [] if "choice" in tree else [tree, *forks(tree["above"]), *forks(tree["below"])]
+
+
+def scaled(text: str, factor: fmpq) -> str:
+    above, _, below = text.partition("/")
+    return str(fmpq(int(above), int(below or 1)) * factor)
+
+
+# --- what is proven
+
+
+def test_what_is_stated_is_proven(held: Held) -> None:
+    claim = claim_of(held.hints)
+    assert claim.period == PERIOD and claim.decrease > fmpq(1, 10)
+    shell = held.hints["ranges"][-1]["trees"][0]
+    assert len({leaf["choice"] for leaf in leaves(shell)}) > 4  # no one input does it everywhere
+    replayed(held)
+
+
+def test_derivatives_are_those_of_v_along_a_held_input() -> None:
+    problem, funnel = question(circle(radius=1.5, speed=1.0))
+    leg, _ = leg_of(problem, funnel)
+    names = leg.dynamics.names
+    point = problem.path.segments[0].point(0.0)
+    rng = np.random.default_rng(0)
+    for _ in range(2):
+        x, u = rng.normal(size=3) * 0.4, np.array([1.0, *rng.normal(size=3)])
+        z = jnp.array([0.7, *x])
+
+        def motion(z: jax.Array, u: np.ndarray = u) -> jax.Array:
+            rates = deviation_rate(problem.vehicle, tuple(z[1:]), tuple(u), point)
+            return jnp.stack([u[0], *(jnp.asarray(rate, float) for rate in rates)])
+
+        of = lambda z: funnel.template.value(funnel.rate, z[0], z[1:] @ SHAPE @ z[1:])  # noqa: E731
+        symbols = dict(zip(names, [*x, *u], strict=False))
+        values = [symbols.get(name, 0.0) for name in names]
+        values += [{"sin": np.sin, "cos": np.cos}[function](x[0]) for function, _ in leg.dynamics.functions.values()]
+        for exact in derivatives(leg, 4):
+            of = (lambda before: lambda z: jax.jvp(before, (z,), (motion(z),))[1])(of)
+            terms = exact.to_dict().items()
+            here = sum(float(c) * np.prod([v ** int(e) for v, e in zip(values, es, strict=False)]) for es, c in terms)
+            assert np.isclose(np.exp(funnel.rate * 0.7) * here, float(of(z)), rtol=1e-6)
+
+
+def test_control_points_bound_the_polynomial_between_choices() -> None:
+    leg, _ = leg_of(*question())
+    each = derivatives(leg, 3)
+    points = control_points(each, PERIOD)
+    period = float(PERIOD)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        values = rng.normal(size=each[0].context().nvars())
+        at = [
+            sum(float(c) * np.prod(values ** np.array(list(map(int, e)))) for e, c in value.to_dict().items())
+            for value in (*each, *points)
+        ]
+        first, *bernstein = at[:3], *at[3:]
+        s = np.linspace(0, period, 50)
+        bracket = first[0] + s / 2 * first[1] + s**2 / 6 * first[2]
+        assert bracket.max() <= max(bernstein) + 1e-9 * max(map(abs, bernstein))
+        assert np.isclose(bracket[-1], bernstein[-1]) and np.isclose(bracket[0], bernstein[0])
+
+
+# --- statements that are not true
+
+
+def first_tree(hints: dict[str, Any], part: int = -1) -> dict[str, Any]:
+    return hints["ranges"][-1]["trees"][part]
+
+
+FALSE: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
+    "a longer period": (lambda h: h.update(period=scaled(h["period"], fmpq(3, 2))), "sampled"),
+    "a period that is a little longer": (lambda h: h.update(period=scaled(h["period"], fmpq(101, 100))), "sampled"),
+    "a larger decrease": (
+        lambda h: h.update(decrease=scaled(h["decrease"], fmpq(101, 100))),
+        "does not fall as stated",
+    ),
+    "a smaller bound of the last derivative": (
+        lambda h: h.update(bends=[scaled(bend, fmpq(1, 2)) for bend in h["bends"]]),
+        "may exceed the bound",
+    ),
+    "another input in the place of one": (lambda h: h["inputs"].reverse(), "sampled"),
+    "an input beyond the box": (lambda h: h["inputs"][0].__setitem__(1, "4"), "not in the box"),
+    "a leaf with another input": (
+        lambda h: leaves(first_tree(h))[0].update(choice=(leaves(first_tree(h))[0]["choice"] + 1) % len(h["inputs"])),
+        "does not fall as stated",
+    ),
+    "a fork that lies elsewhere": (lambda h: forks(first_tree(h))[0]["fork"].__setitem__(0, "1/2"), "sampled"),
+    "sides of a fork exchanged": (
+        lambda h: forks(first_tree(h))[0].update(
+            above=forks(first_tree(h))[0]["below"], below=forks(first_tree(h))[0]["above"]
+        ),
+        "sampled",
+    ),
+    "one leaf for the whole range": (
+        lambda h: h["ranges"][-1]["trees"].__setitem__(0, without_forks(leaves(first_tree(h))[0])),
+        "does not fall as stated",
+    ),
+    "a margin that is not shown": (
+        lambda h: leaves(h["ranges"][1]["trees"][1])[0]["proofs"][0].update(margin="1000"),
+        "does not fall as stated",
+    ),
+    "a range left out": (lambda h: h["ranges"].pop(), "expected hints for"),
+    "a part left out": (lambda h: h["ranges"][1]["trees"].pop(), "not for what is asked"),
+    "cuts that leave the range": (lambda h: h.update(cuts=["2"], ranges=[*h["ranges"], h["ranges"][-1]]), "cuts"),
+    "an order that is not that of the proofs": (lambda h: h.update(order=3), "expected a list of 3 entries"),
+    "no bound for one input": (lambda h: h["bends"].pop(), "expected a list"),
+    "a bound below zero": (lambda h: h["bends"].__setitem__(0, "-1"), "none below zero"),
+}
+
+
+def without_forks(leaf: dict[str, Any]) -> dict[str, Any]:
+    """Its proofs without what they have for forks."""
+    proofs = [{**proof, "grams": [proof["grams"][0], *proof["grams"][-2:]]} for proof in leaf["proofs"]]
+    return {"choice": leaf["choice"], "proofs": proofs}
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_a_statement_that_is_not_shown_is_refused(held: Held, name: str) -> None:
+    change, said = FALSE[name]
+    with pytest.raises(ValueError, match=said):  # `Broken` and `Unreadable` are such
+        replayed(held, change)
+
+
+def test_every_gram_matrix_is_looked_at(held: Held) -> None:
+    """A matrix that is not positive definite is refused, in whichever leaf of whichever range it stands."""
+    spots = [
+        (r, t, leaf)
+        for r, entry in enumerate(held.hints["ranges"])
+        for t, tree in enumerate(entry["trees"])
+        for leaf in range(len(leaves(tree)))
+    ]
+    rng = np.random.default_rng(0)
+    for index in rng.choice(len(spots), 4, replace=False):
+        r, t, leaf = spots[index]
+
+        def change(hints: dict[str, Any], r: int = r, t: int = t, leaf: int = leaf) -> None:
+            proof = leaves(hints["ranges"][r]["trees"][t])[leaf]["proofs"][-1]
+            proof["grams"][0]["lower"][0] = -1
+
+        with pytest.raises(ValueError, match="not positive definite"):
+            replayed(held, change)
+
+
+def test_a_lap_is_left_only_into_the_next_ones_funnel() -> None:
+    """A V that hardly shrinks in a lap has no room for what the reference jumps by, and a V that grows has none."""
+    problem, funnel = question(circle(radius=1.5, speed=1.0))
+    leg, gap = leg_of(problem, funnel)
+    assert gap is not None
+    wide = Gap(*(each + fmpq(1, 10) for each in gap))
+    claim = SampledClaim(PERIOD, ORDER, fmpq(1), tuple(itertools.product(*LEVELS)), (fmpq(1),) * 27, ())
+    with pytest.raises(Broken, match="end of a lap"):
+        prove_sampled(leg, wide, claim, (), Budget(MOST_EFFORT))
+
+
+# --- cars
+
+
+@pytest.fixture(scope="module")
+def numbers(held: Held) -> Holds:
+    claim = claim_of(held.hints)
+    choices = np.array([[float(value) for value in choice] for choice in claim.choices])
+    bends = np.array([float(bend) for bend in claim.bends])
+    return holds(held.problem, held.funnel, float(claim.period), ORDER, float(claim.decrease), choices, bends)
+
+
+def states(held: Held, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """θ and deviations, half of them from V = 1."""
+    rng = np.random.default_rng(2)
+    y = rng.normal(size=(count, 3))
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    y *= np.sqrt(np.where(rng.uniform(size=(count, 1)) < 0.5, 1 - 1e-12, rng.uniform(size=(count, 1))))
+    theta = rng.uniform(0, DURATION, count)
+    level = np.sqrt(np.exp(-RATE * theta))
+    return theta, y @ np.linalg.inv(np.linalg.cholesky(SHAPE)) * level[:, None]
+
+
+def test_cars_do_what_is_stated_however_long_each_hold_is(held: Held, numbers: Holds) -> None:
+    vehicle, template, point = held.problem.vehicle, held.funnel.template, held.problem.path.segments[0].point(0.0)
+
+    def value(z: jax.Array) -> jax.Array:
+        return jnp.asarray(template.value(RATE, z[0], z[1:] @ SHAPE @ z[1:]))
+
+    @jax.jit
+    @jax.vmap
+    def driven(z: jax.Array, hold: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+        chosen = choose_for_hold(vehicle, template, numbers, point, z[0], z[1:])
+
+        def motion(z: jax.Array) -> jax.Array:
+            return jnp.stack([chosen.inputs[0], *deviation_rate(vehicle, tuple(z[1:]), tuple(chosen.inputs), point)])
+
+        def move(z: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
+            z = runge_kutta(motion, z, hold / 8)
+            return z, value(z)
+
+        after, values = jax.lax.scan(move, z, None, length=8)
+        return after, value(z), values, chosen.promised
+
+    theta, x = states(held, 5_000)
+    z = jnp.column_stack([theta, x])
+    rng = np.random.default_rng(3)
+    for step in range(12):
+        hold = np.full(len(z), float(PERIOD)) if step % 2 else float(PERIOD) * rng.uniform(0.01, 1, len(z))
+        after, before, values, promised = driven(z, jnp.asarray(hold))
+        assert promised.all()
+        assert values.max() <= 1
+        shell = before >= numbers.beta_lower
+        fall = (before - values[:, -1]) / hold
+        assert (fall[shell] >= numbers.decrease).all()
+        z = jnp.where((after[:, :1] > DURATION), z, after)  # beyond the line's end nothing is stated
+
+
+def test_nothing_is_promised_outside(held: Held, numbers: Holds) -> None:
+    point = held.problem.path.segments[0].point(0.0)
+    chosen = choose_for_hold(
+        held.problem.vehicle, held.funnel.template, numbers, point, 0.0, jnp.array([0.0, 1.0, 0.0])
+    )
+    assert not chosen.promised
+    assert chosen.inputs[2] == -3  # and still it goes back
+
+
+def test_the_adversary_needs_longer_holds_than_are_proven(held: Held, numbers: Holds) -> None:
+    found = first_escape_of_holds(
+        held.problem, held.problem.path.segments[0], held.funnel, numbers, 5 * float(PERIOD), trials=2000
+    )
+    assert float(PERIOD) < found < 5 * float(PERIOD)
