@@ -47,6 +47,7 @@ CANDIDATES = 6  # pairs of inputs, of which the cut where they are equal is look
 RATIO = 2.0  # of the ends of a range of q
 CUT_BITS, FORK_BITS, LEVEL_BITS = 16, 24, 20
 ORDER = 3
+ENOUGH = 0.5  # of λ: what samples have to say of three levels, or there are more of them
 SHARE = 0.5  # of what samples say: so much λ' is looked for. More of it takes more leaves
 
 Points = Float[np.ndarray, "k n"]
@@ -61,7 +62,7 @@ def sampled_hints(leg: LegClaim[SegmentClaim], closed: bool, period: fmpq, solve
     """
     motion = _Motion.of(leg)
     try:
-        return hints_with(leg, closed, period, motion.levels(), solver)
+        return hints_with(leg, closed, period, motion.levels(), solver, least=ENOUGH * float(leg.funnel.margin))
     except NotProven:
         return hints_with(leg, closed, period, motion.levels(motion.strongest), solver)
 
@@ -73,16 +74,23 @@ def hints_with(
     levels: Sequence[Sequence[fmpq]],
     solver: Solver,
     order: int = ORDER,
+    least: float = 0.0,
 ) -> dict[str, Any]:
-    """The same with these levels of each input, and so many derivatives of V in the polynomial."""
+    """The same with these levels of each input, and so many derivatives of V in the polynomial.
+
+    Raises:
+        NotProven: also where V falls at no more than `least` (1/s) at some sample.
+    """
     with threadpool_limits(1, user_api="blas"):  # for arrays of this size threads only wait for each other
         choices: tuple[Inputs, ...] = tuple(itertools.product(*levels))
         nothing = (fmpq(0),) * len(choices)
         claim = SampledClaim(period, order, fmpq(1), choices, nothing, _cuts(leg, closed, period))
-        return _stated(leg, closed, claim, solver)
+        return _stated(leg, closed, claim, solver, least)
 
 
-def _stated(leg: LegClaim[SegmentClaim], closed: bool, claim: SampledClaim, solver: Solver) -> dict[str, Any]:
+def _stated(
+    leg: LegClaim[SegmentClaim], closed: bool, claim: SampledClaim, solver: Solver, least: float
+) -> dict[str, Any]:
     asked = [(_with_functions(held), parts) for held, parts in held_ranges(leg, closed, claim)]
     bends = [_bends(held, solver) for held, _ in asked]
     largest = (max(fmpq(0), *(-margin for margin, _ in each)) for each in zip(*bends, strict=True))
@@ -91,8 +99,10 @@ def _stated(leg: LegClaim[SegmentClaim], closed: bool, claim: SampledClaim, solv
     everywhere = list(itertools.chain.from_iterable(growers))
     shell = [grower for grower in everywhere if grower.part.is_shell]
     best = min(grower.best() for grower in shell)
-    if not best > 0:
-        raise NotProven(Verdict.INCONCLUSIVE, f"sampled: V rises at {-best:.3g} 1/s somewhere, whichever input is held")
+    if not best > least:
+        raise NotProven(
+            Verdict.INCONCLUSIVE, f"sampled: V falls at no more than {best:.3g} 1/s, whichever input is held"
+        )
     for grower in everywhere:
         grower.grow(SHARE * best if grower.part.is_shell else 0.0)
     decrease = min(leaf.spare for grower in shell for leaf in grower.leaves)
