@@ -31,7 +31,7 @@ from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
 from cfjax.check.amounts import Absorbed as ProvenAmounts
 from cfjax.check.amounts import Robustness as Proven
-from cfjax.check.rational import float_below
+from cfjax.check.rational import float_below, rational
 from cfjax.check.sampled import SampledClaim
 from cfjax.clock import Clock
 from cfjax.errors import InputError, NotWritten
@@ -268,9 +268,10 @@ def _amounts(proven: Proven) -> Robustness:
 
 
 def _sampled(claim: SampledClaim) -> Sampled:
-    """Rounded so that less is promised."""
+    """Rounded so that less is promised; the period is the decimal that was asked for, where it is one."""
+    period = int(claim.period.p) / int(claim.period.q)
     return Sampled(
-        period=float_below(claim.period),
+        period=period if rational(period) == claim.period else float_below(claim.period),
         order=claim.order,
         decrease=float_below(claim.decrease),
         inputs=tuple(tuple(map(float, choice)) for choice in claim.choices),

@@ -45,7 +45,7 @@ RATE, DURATION = 0.02, 2.0
 
 
 class Held(NamedTuple):
-    """A problem with a certified funnel, and what is stated of holds, with hints, in the file beside the certificate."""
+    """A certified funnel, and what is stated of holds, in the file beside its certificate."""
 
     problem: Problem
     segment: Segment
