@@ -14,6 +14,7 @@ import pytest
 from flint import fmpq
 
 from cfjax.certificate import certify
+from cfjax.certificate.prover import NotProven
 from cfjax.certificate.robustness import robustness_document
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.trace import trace_deviation
@@ -30,11 +31,14 @@ from cfjax.check.sampled import SampledClaim, control_points, derivatives, prove
 from cfjax.check.sampled_hints import read_sampled
 from cfjax.check.symbolic import symbolic
 from cfjax.control.sampled import choose_for_hold
+from cfjax.errors import InputError
 from cfjax.falsifier.sampled import first_escape_of_holds, slowest_fall
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.sampled import Holds, holds
-from cfjax.problem import Method, Path, Problem, Segment, circle, deviation_rate, straight
+from cfjax.options import Options
+from cfjax.problem import Method, Path, Problem, Segment, circle, deviation_rate, oval, straight, tube
 from cfjax.problem.runge_kutta import runge_kutta
+from cfjax.question import check_question
 from cfjax.verdict import Verdict
 from experiments.vehicles.omnidirectional import Omnidirectional
 
@@ -257,6 +261,23 @@ def test_a_lap_ends_in_the_next_ones_funnel_or_nothing_is_proven() -> None:
         prove_sampled(leg, wide, claim, (), Budget(MOST_EFFORT))
     with pytest.raises(Broken, match="expected hints"):  # the lap is no reason any more
         prove_sampled(leg, course.reference.gap, claim, (), Budget(MOST_EFFORT))
+
+
+def test_what_is_not_true_is_not_found(held: Held) -> None:
+    with pytest.raises(NotProven, match="whichever input is held"):
+        robustness_document(held.certificate, period=0.5)
+
+
+def test_a_period_is_asked_of_one_line_or_circle_alone() -> None:
+    asked = Options(period=0.02)
+    check_question(Problem(circle()), asked)
+    for problem in (Problem(oval()), Problem(tube(1.0, 1.0), inlet=0.4, goal=0.6)):
+        with pytest.raises(InputError, match="period: expected a path that is one straight line or one circle"):
+            check_question(problem, asked)
+    with pytest.raises(InputError, match="period: expected template=contracting"):
+        check_question(Problem(circle()), Options(period=0.02, template="paper"))
+    with pytest.raises(InputError, match="period: expected robustness=true"):
+        Options(period=0.02, robustness=False)
 
 
 # --- cars
