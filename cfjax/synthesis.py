@@ -174,7 +174,7 @@ def harden(result: Result, options: Options = Options(), progress: Progress | No
     with Clock.of(progress).stage("robustness"):
         try:
             return harden_with(period=options.period)
-        except NotProven as failure:
+        except (NotProven, ValueError) as failure:
             if options.period is None:
                 raise
             print(f"warning: period: {options.period:g} s are not proven: {failure}", file=sys.stderr)

@@ -207,7 +207,6 @@ def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]
         raise Broken("sampled: expected a V of the template contracting")
     least, peak = level.extent(span)
     timing = zero, level.rate
-
     ends = beta * least, *claim.cuts, beta * peak
     if any(lower >= upper for lower, upper in pairwise(ends)):
         raise Broken("sampled: the cuts do not follow each other in the range that they cut")
@@ -295,11 +294,8 @@ class HeldRange(FunnelProgram):
             total += Parametric(self.domain, {tuple(parameters): factor})
         return total
 
-    def _in_deviations(self, terms: Mapping[tuple[int, ...], fmpq]) -> fmpq_mpoly:
-        """Σ c x^e as a polynomial in y, by Horner's rule state by state."""
-        return self._horner(terms, 0)
-
-    def _horner(self, terms: Mapping[tuple[int, ...], fmpq], state: int) -> fmpq_mpoly:
+    def _in_deviations(self, terms: Mapping[tuple[int, ...], fmpq], state: int = 0) -> fmpq_mpoly:
+        """Σ c x^e as a polynomial in y, by Horner's rule: in this state, then in the next one."""
         if state == len(self.states):
             return self.ring.constant(sum(terms.values(), fmpq(0)))
         by_power: dict[int, dict[tuple[int, ...], fmpq]] = {}
@@ -309,7 +305,7 @@ class HeldRange(FunnelProgram):
         for power in range(max(by_power), -1, -1):
             result = self.domain.product(result, self.deviations[state])
             if power in by_power:
-                result = self.domain.sum(result, self._horner(by_power[power], state + 1))
+                result = self.domain.sum(result, self._in_deviations(by_power[power], state + 1))
         return result
 
     def at(self, value: int, choice: int) -> Combination:
