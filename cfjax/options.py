@@ -16,6 +16,7 @@ from cfjax.solver.cost import MOST_MEMORY
 
 
 CERTIFICATES = ("auto", "segment", "tube")
+LONGEST_PERIOD = 1.0  # s
 LEAST_BETA_LOWER = 0.05  # below, no funnel of the paper's template has room to shrink in
 
 Progress = Callable[[str, int, int], None]  # (stage, done, of): called from the outside of compiled code
@@ -60,6 +61,8 @@ class Options:
         rounds: how often funnels are learned and certified, at most.
         solver: of the sums of squares: "batched", our own, or "clarabel", through CVXPY; either gives hints.
         robustness: whether control period, disturbances and delay that a certified funnel absorbs are proven too.
+        period: s, for which the law that looks one hold ahead holds its inputs at most: proven too, of a path that is
+            one straight line or one circle; None: not asked.
         cars: how many are driven through a certified funnel.
 
     Raises:
@@ -79,6 +82,7 @@ class Options:
     rounds: int = 3
     solver: str = DEFAULT
     robustness: bool = True
+    period: float | None = None
     cars: int = 10_000
 
     def __post_init__(self) -> None:
@@ -95,8 +99,11 @@ class Options:
             beta_lower=number("beta_lower", self.beta_lower, least=LEAST_BETA_LOWER, below=1),
             beta_inner=inner_level(self.beta_inner, self.beta_lower),
             robustness=flag("robustness", self.robustness),
+            period=None if self.period is None else number("period", self.period, "s", above=0, most=LONGEST_PERIOD),
             **{name: whole(name, getattr(self, name), bound) for name, bound in least.items()},
         )
+        if self.period is not None and not self.robustness:
+            raise InputError("period: expected robustness=true, with which it is proven, got robustness=false")
         if self.objective.margin is not None and not self.chosen_learner.objectives:
             name = self.chosen_learner.name
             raise InputError(f"objective: expected margin with learner={name}, got {self.objective.kind}")

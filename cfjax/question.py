@@ -8,7 +8,7 @@ from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.learner import keys_of_others
 from cfjax.options import Options
-from cfjax.problem import Interval, KinematicBicycle, Method, Problem
+from cfjax.problem import Interval, KinematicBicycle, Method, Path, Problem
 from cfjax.problem.problem import TIMING
 
 
@@ -57,7 +57,17 @@ def check_question(problem: Problem, options: Options) -> None:
         raise InputError(f"certificate: expected auto or segment with learner={learner.name}, got tube")
     if path.tube and not learner.tubes:
         raise InputError(f"learner={learner.name}: expected a path, got a tube")
+    if options.period is not None:
+        _require_steady(path, options)
     if len(path.distinct) > 1 and not learner.chains:
         raise InputError(
             f"learner={learner.name}: expected one distinct segment, got {len(path.distinct)}: it learns one funnel"
         )
+
+
+def _require_steady(path: Path, options: Options) -> None:
+    """What sampled control is proven of."""
+    if path.tube or len(path.segments) > 1 or not all(segment.is_steady for segment in path.segments):
+        raise InputError(f"period: expected a path that is one straight line or one circle, got {path.name}")
+    if options.template != "contracting" or options.certificate == "tube":
+        raise InputError("period: expected template=contracting, and a certificate that is none of a tube")

@@ -97,6 +97,21 @@ class Absorbed:
 
 
 @dataclass(frozen=True)
+class Sampled:
+    """What is proven of the law that looks one hold ahead (`cfjax.control.sampled`): `period` (s) is the longest hold.
+
+    It takes one of `inputs` (u0, *vehicle inputs), and on the shell V falls at `decrease` (1/s) or more. `bends` bounds
+    the derivative of V of order `order` + 1 under each of them.
+    """
+
+    period: float
+    order: int
+    decrease: float
+    inputs: tuple[tuple[float, ...], ...]
+    bends: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Robustness:
     """What certified funnels absorb under a law that inherits the certificate: proven (`cfjax.check.robustness`).
 
@@ -110,6 +125,7 @@ class Robustness:
     together: Absorbed
     level: float  # likewise, with all at once
     by_speed: tuple[tuple[float, float, Absorbed], ...] = ()  # of a tube: `alone` from one speed to another, m/s
+    sampled: Sampled | None = None  # of another law, where that was asked for
 
 
 @dataclass(frozen=True)
@@ -275,11 +291,18 @@ class Result:
         law = ", under the law that is told the speed alone" if self.problem.path.tube else ""
         often = f" (control at {rounded_up(1 / alone.period, 3)} Hz or faster)" if alone.period else ""
         rates = _by_state(vehicle, [rounded_down(rate, 2) for rate in alone.disturbance], vehicle.rate_units)
+        holds = robustness.sampled
+        ahead = (
+            [("sampled control", f"{rounded_down(holds.period, 3, MILLI)} ms, by the law that looks one hold ahead")]
+            if holds
+            else []
+        )
         return [
             ("absorbs", f"one of the following{law}"),
             ("control period", f"{rounded_down(alone.period, 3, MILLI)} ms{often}"),
             ("delay", f"{rounded_down(alone.delay, 3, MILLI)} ms, of all that is measured"),
             ("disturbance", f"{rates}, of one state's rate"),
+            *ahead,
         ]
 
     def _driven(self, loop: ClosedLoop) -> list[tuple[str, str]]:

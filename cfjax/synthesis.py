@@ -6,11 +6,13 @@ import time
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from cfjax import coerce
 from cfjax.ahead import compile_ahead
 from cfjax.certificate import Statement, certify, proof_size, require_posable, require_room, robustness_of, statement_of
+from cfjax.certificate.prover import NotProven
 from cfjax.certificate.trace import dynamics_of
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure, require_tube_structure
@@ -173,14 +175,23 @@ def _by_tubes(problem: Problem, options: Options, clock: Clock) -> Result:
 def harden(result: Result, options: Options = Options(), progress: Progress | None = None) -> dict[str, Any] | None:
     """Hints for what the funnels of a certified result absorb; None where not asked.
 
+    Where the period that is asked for is not proven, one line on stderr says why, and the rest comes without it.
+
     Raises:
         ValueError, NotProven: nothing was found.
     """
     coerce.objects(result=(result, Result), options=(options, Options))
     if not options.robustness:
         return None
+    harden_with = partial(robustness_of, result, workers=_cores(), solver=options.solver)
     with watched(progress) as clock, clock.stage("robustness"):
-        return robustness_of(result, workers=_cores(), solver=options.solver)
+        try:
+            return harden_with(period=options.period)
+        except (NotProven, ValueError) as failure:
+            if options.period is None:
+                raise
+            print(f"warning: period: {options.period:g} s are not proven: {failure}", file=sys.stderr)
+        return harden_with()
 
 
 def drive(result: Result, options: Options = Options(), progress: Progress | None = None) -> Result:

@@ -28,14 +28,13 @@ def coefficients(polynomial: fmpq_mpoly, order: int) -> Float[np.ndarray, " r"]:
 
 def program_of(claim: FunnelProgram, cell: object) -> Program:
     """What a solver is asked about a cell."""
-    order = 2 * max(claim.degrees)
+    degrees = claim.degrees_of(cell)
+    order = 2 * max(degrees)
     target, drop, *constraints = (
         coefficients(polynomial, order)
         for polynomial in (claim.target(cell), claim.drop(cell), *claim.constraints(cell))
     )
-    return Program(
-        len(claim.states), tuple(claim.degrees), target, drop, np.array(constraints).reshape(-1, len(target))
-    )
+    return Program(len(claim.states), degrees, target, drop, np.array(constraints).reshape(-1, len(target)))
 
 
 def solved(solver: Solver, programs: Sequence[Program]) -> list[Solution]:
@@ -83,9 +82,9 @@ def prove(claim: FunnelProgram, cell: object, program: Program, solution: Soluti
     return second if first.proof is None or second.margin > first.margin else first
 
 
-def _is_usable(claim: FunnelProgram, solution: Solution) -> bool:
+def _is_usable(claim: FunnelProgram, cell: object, solution: Solution) -> bool:
     """Whether the exact replay may be asked about it."""
-    sizes = [(len(basis), len(basis)) for basis in claim.bases]
+    sizes = [(len(basis), len(basis)) for basis in claim.bases_of(cell)]
     return (
         solution.status is not Status.FAILED
         and solution.grams is not None
@@ -97,7 +96,7 @@ def _is_usable(claim: FunnelProgram, solution: Solution) -> bool:
 
 def _exact_proof(claim: FunnelProgram, cell: object, solution: Solution) -> Proven:
     """The first padding with which the exact replay accepts a solution as rounded."""
-    if not _is_usable(claim, solution):
+    if not _is_usable(claim, cell, solution):
         return Proven(solution, None, fmpq(0))
     assert solution.grams is not None
     for padding in PADDINGS:

@@ -19,6 +19,7 @@ from cfjax.certificate.fit import enclose
 from cfjax.certificate.program import program_of, prove, solved
 from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import round_whitening
+from cfjax.certificate.sampled import sampled_hints
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
 from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds
@@ -26,13 +27,14 @@ from cfjax.check.descent import held_question, told_of
 from cfjax.check.document import Certificate, Claims, read_certificate
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
-from cfjax.check.held_hints import CLAIM, DEGREES
+from cfjax.check.held_hints import CLAIM, DEGREES, SAMPLED
 from cfjax.check.legs import Leg
 from cfjax.check.program import CellProof
 from cfjax.check.proof import Question
 from cfjax.check.rational import rational
 from cfjax.check.replay import stated_and_proven
 from cfjax.check.robustness import motions, motions_within
+from cfjax.check.sampled import steady_leg
 from cfjax.check.structure import require_tube_structure
 from cfjax.coerce import instance, whole
 from cfjax.result import Result
@@ -44,8 +46,12 @@ from cfjax.verdict import Verdict
 BAND, MOST_BANDS = 3.0, 2  # ratio of a band's speeds; each costs up to some hundred programs
 
 
-def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any] | None:
+def robustness_of(
+    result: Result, workers: int = 1, solver: str | Solver = DEFAULT, period: float | None = None
+) -> dict[str, Any] | None:
     """The file of hints for a certified result; None where there is nothing that is certified.
+
+    With a `period` (s) also of a law that looks so far ahead and holds what it chooses (`cfjax.check.sampled`).
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
@@ -53,10 +59,12 @@ def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAU
     document, workers = instance("result", result, Result).document, whole("workers", workers, 1)
     if document is None or document["claim"] != "funnel":
         return None
-    return robustness_document(document, workers, solver)
+    return robustness_document(document, workers, solver, period)
 
 
-def robustness_document(document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any]:
+def robustness_document(
+    document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT, period: float | None = None
+) -> dict[str, Any]:
     """The file of hints for a certificate: the document that the checker accepted.
 
     Raises:
@@ -65,7 +73,11 @@ def robustness_document(document: dict[str, Any], workers: int = 1, solver: str 
     """
     certificate, oracle = read_certificate(document), solver_named(solver, workers)
     count = range(len(certificate.claims.funnels))
-    return _with_amounts(document, [_funnel_hints(certificate, index, oracle) for index in count], certificate.claims)
+    funnels = [_funnel_hints(certificate, index, oracle) for index in count]
+    sampled = {}
+    if period is not None:
+        sampled[SAMPLED] = sampled_hints(steady_leg(certificate), rational(period), oracle)
+    return _with_amounts(document, funnels, certificate.claims, sampled)
 
 
 def _funnel_hints(certificate: Certificate, index: int, solver: Solver) -> dict[str, Any]:
@@ -83,17 +95,19 @@ def _funnel_hints(certificate: Certificate, index: int, solver: Solver) -> dict[
     return {"bounds": write_bounds(bounds), "stretches": hints_within(question, as_proven, solver)}
 
 
-def _with_amounts(document: dict[str, Any], funnels: list[dict[str, Any]], claims: Claims) -> dict[str, Any]:
-    """The whole file: it states the largest amounts that are found for what its hints prove."""
+def _with_amounts(
+    document: dict[str, Any], funnels: list[dict[str, Any]], claims: Claims, sampled: dict[str, Any]
+) -> dict[str, Any]:
+    """The whole file: it states the largest amounts that are found for what its hints prove, and `sampled` beside."""
 
-    def file(stated: Stated) -> dict[str, Any]:
+    def file(stated: Stated, **more: Any) -> dict[str, Any]:
         content = {"certificate": document["hash"], "amounts": write_amounts(stated), "funnels": funnels}
-        return with_hash(CLAIM, content)
+        return with_hash(CLAIM, content | more)
 
     none = (fmpq(0),) * len(claims.problem.vehicle.states)
     nothing = Absorbed(fmpq(0), none, none, fmpq(0))
     _, bounds = stated_and_proven(document, file(Stated(nothing, nothing, ())))
-    return file(largest_amounts(bounds))
+    return file(largest_amounts(bounds), **sampled)
 
 
 def held_shape(states: int) -> Shape:

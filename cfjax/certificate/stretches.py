@@ -187,4 +187,5 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
 def entries_of(questions: Sequence[SteadyDecrease]) -> int:
     """Entries of the Gram matrices that a stretch takes in a certificate."""
     cells = sum(1 for question in questions for _ in question.cells())
-    return cells * sum(len(z) * (len(z) + 1) // 2 for z in questions[0].bases)
+    rows = [comb(len(questions[0].states) + degree, degree) for degree in questions[0].degrees]
+    return cells * sum(count * (count + 1) // 2 for count in rows)

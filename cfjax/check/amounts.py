@@ -27,6 +27,7 @@ from flint import fmpq
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.funnel import LAW_SHARE
 from cfjax.check.reader import Broken
+from cfjax.check.sampled import SampledClaim
 
 
 SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches
@@ -139,13 +140,15 @@ class BoundsOver:
     """What is proven over the funnels of a certificate, and what follows for amounts.
 
     `rates` are those of every funnel, of an invariant one for each band of speeds; `told` is by funnel. `bands` (m/s)
-    are those of a funnel for every path within bounds, of which amounts are stated band by band.
+    are those of a funnel for every path within bounds, of which amounts are stated band by band. `sampled` is what is
+    proven of a law that looks one hold ahead.
     """
 
     rates: tuple[Rates, ...]
     keeps: Keeps
     told: tuple[Told, ...]
     bands: tuple[Range, ...] = ()
+    sampled: SampledClaim | None = None
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,7 @@ class Robustness:
     told: tuple[Told, ...] = ()  # by funnel
     bands: tuple[Range, ...] = ()
     by_speed: tuple[Absorbed, ...] = ()
+    sampled: SampledClaim | None = None
 
 
 def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
@@ -202,6 +206,7 @@ def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
         told=bounds.told,
         bands=bounds.bands,
         by_speed=by_speed,
+        sampled=bounds.sampled,
     )
 
 

@@ -22,9 +22,11 @@ from cfjax.check.hints import (
 )
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Broken, Item
+from cfjax.check.sampled import RangeHints, SampledClaim
+from cfjax.check.sampled_hints import read_sampled
 
 
-CLAIM = "robustness"
+CLAIM, SAMPLED = "robustness", "sampled"
 DEGREES = (2, 1)  # of the monomials in Gram matrices: of the free square, and of the ranges of levels
 MOST_VERTICES = 256  # eight parameters that vary
 
@@ -60,10 +62,14 @@ class FunnelHints:
 
 
 class RobustnessFile(NamedTuple):
-    """A file about a certificate: amounts that it states, and for each funnel hints for the bounds that allow them."""
+    """A file about a certificate: amounts that it states, and for each funnel hints for the bounds that allow them.
+
+    `sampled` is what it says of sampled control, with hints, where it does.
+    """
 
     stated: Stated
     hints: tuple[FunnelHints, ...]
+    sampled: tuple[SampledClaim, tuple[RangeHints, ...]] | None = None
 
 
 def read_robustness(document: object, certificate: str, claims: Claims) -> RobustnessFile:
@@ -73,7 +79,10 @@ def read_robustness(document: object, certificate: str, claims: Claims) -> Robus
         Unreadable: says what was expected where.
         Broken: the file is about another certificate, or its hash is not that of its content.
     """
-    about, amounts, funnels = read_header(document, (CLAIM,), ("certificate", "amounts", "funnels"))
+    says_more = (SAMPLED,) if isinstance(document, dict) and SAMPLED in document else ()
+    about, amounts, funnels, *sampled = read_header(
+        document, (CLAIM,), ("certificate", "amounts", "funnels", *says_more)
+    )
     if about.value != certificate:
         raise Broken("certificate: these are hints for another certificate")
     room, states, count = Room(MOST_GRAM_ENTRIES), len(claims.problem.vehicle.states), len(claims.funnels)
@@ -84,7 +93,8 @@ def read_robustness(document: object, certificate: str, claims: Claims) -> Robus
             bounds.refuse("bounds of the path for a funnel that does not change with theta, and null for others")
         own = tuple(read_stretch(stretch, states, room) for stretch in stretches.items(MOST_STRETCHES))
         found.append(FunnelHints(None if bounds.value is None else read_bounds(bounds), own))
-    return RobustnessFile(_stated(amounts, states), tuple(found))
+    more = next((read_sampled(item, states, room) for item in sampled), None)
+    return RobustnessFile(_stated(amounts, states), tuple(found), more)
 
 
 def _stated(item: Item, states: int) -> Stated:

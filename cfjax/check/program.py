@@ -109,10 +109,13 @@ class FunnelProgram(abc.ABC):
     def ring(self) -> fmpq_mpoly_ctx:
         return fmpq_mpoly_ctx.get([f"y{k}" for k in range(len(self.states))], "degrevlex")
 
-    @cached_property
-    def bases(self) -> tuple[tuple[Exponents, ...], ...]:
+    def degrees_of(self, cell: Any) -> tuple[int, ...]:
+        """Of the monomials in the Gram matrices of one cell; the same of all where all have as many constraints."""
+        return self.degrees
+
+    def bases_of(self, cell: Any) -> list[tuple[Exponents, ...]]:
         """Exponents of the monomials z of each Gram matrix."""
-        return tuple(monomials(len(self.states), degree) for degree in self.degrees)
+        return [monomials(len(self.states), degree) for degree in self.degrees_of(cell)]
 
     @cached_property
     def deviations(self) -> list[fmpq_mpoly]:
@@ -161,10 +164,11 @@ class FunnelProgram(abc.ABC):
         """
         cell = proof.cell
         factors = [self.ring.constant(1), *self.constraints(cell)]
-        if len(proof.grams) != len(factors) or len(self.degrees) != len(factors):
+        bases = self.bases_of(cell)
+        if len(proof.grams) != len(factors) or len(bases) != len(factors):
             raise ValueError(f"expected {len(factors)} Gram matrices, got {len(proof.grams)}")
         squares = self.ring.constant(0)
-        for index, (factor, gram, basis) in enumerate(zip(factors, proof.grams, self.bases, strict=True)):
+        for index, (factor, gram, basis) in enumerate(zip(factors, proof.grams, bases, strict=True)):
             if len(gram.lower) != len(basis) * (len(basis) + 1) // 2:
                 raise ValueError(f"Gram matrix {index} has {gram.size} rows, expected {len(basis)}")
             # the elimination's numbers grow row by row
@@ -178,6 +182,7 @@ class FunnelProgram(abc.ABC):
         return proof.margin - self.domain.bound(left) / self.least_drop(cell)
 
 
+@cache
 def monomials(variables: int, degree: int) -> tuple[Exponents, ...]:
     """Exponents of all monomials up to the degree: by degree, then descending in the first variable, and so on."""
     every = (e for e in product(range(degree + 1), repeat=variables) if sum(e) <= degree)

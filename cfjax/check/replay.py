@@ -20,6 +20,7 @@ from cfjax.check.proven import Proven, Refuted
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
+from cfjax.check.sampled import prove_holds
 from cfjax.check.symbolic import Symbolic
 
 
@@ -67,7 +68,10 @@ def stated_and_proven(document: object, hints: object) -> tuple[Stated, BoundsOv
     certificate = read_certificate(document, skip_hash=True)
     assert isinstance(document, dict)  # it was read
     file = read_robustness(hints, str(document["hash"]), certificate.claims)
-    return file.stated, bounds_over(certificate, file.hints)
+    if file.sampled:
+        prove_holds(certificate, *file.sampled)
+    bounds = bounds_over(certificate, file.hints)
+    return file.stated, replace(bounds, sampled=file.sampled[0]) if file.sampled else bounds
 
 
 def check_document(document: object, skip_hash: bool = False) -> Report:

@@ -20,6 +20,7 @@ from cfjax.check.meaning import Assumptions
 from cfjax.check.problem import Course, ProblemClaim
 from cfjax.check.proven import Proven, Refuted, Shown, Violation
 from cfjax.check.rational import about, decimal_text
+from cfjax.check.sampled import SampledClaim
 from cfjax.check.surroundings import Surroundings
 from cfjax.check.vehicle import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim
 
@@ -194,7 +195,19 @@ def _absorbed(shown: Proven, proven: Robustness) -> Section:
             f"or all at once, in every state, from starts in V <= {_down(proven.level)}: held for "
             f"{_down(together.period)} s, rates off by {rates(together.disturbance)}, a measurement of "
             f"{_down(together.delay)} s ago off by {by_state(together.pose_error, units)}",
+            *_sampled(proven.sampled),
         ),
+    )
+
+
+def _sampled(claim: SampledClaim | None) -> tuple[str, ...]:
+    """What is proven of a law that looks one hold ahead."""
+    if claim is None:
+        return ()
+    return (
+        f"or, under a law that looks one hold ahead and takes one of {len(claim.choices)} inputs: each is held for any "
+        f"time up to {_down(claim.period)} s{_frequency(claim.period)}, and on the shell V falls at "
+        f"{_down(claim.decrease)} 1/s or more from one choice to the next",
     )
 
 

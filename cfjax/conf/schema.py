@@ -313,6 +313,7 @@ class Config:
     solver: str = Options.solver
     seed: int = Options.seed
     robustness: bool = Options.robustness
+    period: float | None = Options.period
     cars: int = Options.cars
     logger: str = "none"  # "none"; or "wandb", Weights & Biases
     wandb: WandbConfig = field(default_factory=WandbConfig)

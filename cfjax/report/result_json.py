@@ -16,7 +16,7 @@ from cfjax.problem.vehicle import numbers_of
 from cfjax.report.files import (
     versions,
 )
-from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, SegmentResult, StretchMargin, WorstPlace
+from cfjax.result import Absorbed, ClosedLoop, Result, Robustness, Sampled, SegmentResult, StretchMargin, WorstPlace
 from cfjax.verdict import Verdict
 
 
@@ -150,6 +150,8 @@ def _robustness_json(problem: Problem, robustness: Robustness) -> dict[str, Any]
     content = {"law_share": float_below(SHARE), **alone, "jointly": together}
     if robustness.by_speed:
         content["by_speed"] = [{"speed": [lower, upper], **absorbed(own)} for lower, upper, own in robustness.by_speed]
+    if robustness.sampled:
+        content["sampled"] = dataclasses.asdict(robustness.sampled)
     return content
 
 
@@ -234,7 +236,11 @@ def _robustness_of(data: dict[str, Any] | None) -> Robustness | None:
         )
 
     bands = tuple((*own["speed"], absorbed(own)) for own in data.get("by_speed", ()))
-    return Robustness(absorbed(data), data["pose_level"], absorbed(data["jointly"]), data["jointly"]["level"], bands)
+    together, ahead = data["jointly"], data.get("sampled")
+    sampled = ahead and Sampled(
+        **ahead | {"inputs": tuple(map(tuple, ahead["inputs"])), "bends": tuple(ahead["bends"])}
+    )
+    return Robustness(absorbed(data), data["pose_level"], absorbed(together), together["level"], bands, sampled)
 
 
 def _tube_of(data: dict[str, Any]) -> Tube:

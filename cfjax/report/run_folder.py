@@ -31,7 +31,8 @@ from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
 from cfjax.check.amounts import Absorbed as ProvenAmounts
 from cfjax.check.amounts import Robustness as Proven
-from cfjax.check.rational import float_below
+from cfjax.check.rational import float_below, rational
+from cfjax.check.sampled import SampledClaim
 from cfjax.clock import Clock
 from cfjax.errors import InputError, NotWritten
 from cfjax.exact import tube_within
@@ -55,7 +56,7 @@ from cfjax.report.files import (
     write_whole,
 )
 from cfjax.report.result_json import result_json, result_of
-from cfjax.result import Absorbed, Result, Robustness
+from cfjax.result import Absorbed, Result, Robustness, Sampled
 from cfjax.verdict import Verdict
 
 
@@ -275,6 +276,19 @@ def _amounts(proven: Proven) -> Robustness:
             (float(lower), float(upper), absorbed(own))
             for (lower, upper), own in zip(proven.bands, proven.by_speed, strict=True)
         ),
+        sampled=None if proven.sampled is None else _sampled(proven.sampled),
+    )
+
+
+def _sampled(claim: SampledClaim) -> Sampled:
+    """Rounded so that less is promised; the period is the decimal that was asked for, where it is one."""
+    period = int(claim.period.p) / int(claim.period.q)
+    return Sampled(
+        period=period if rational(period) == claim.period else float_below(claim.period),
+        order=claim.order,
+        decrease=float_below(claim.decrease),
+        inputs=tuple(tuple(map(float, choice)) for choice in claim.choices),
+        bends=tuple(-float_below(-bend) for bend in claim.bends),
     )
 
 

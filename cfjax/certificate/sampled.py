@@ -1,0 +1,180 @@
+"""Hints for sampled control (`cfjax.check.sampled`): the finite set of inputs, and all that has to be shown of it.
+
+Where which of the inputs is good, trees say (`cfjax.certificate.hold_trees`).
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from math import floor, log2
+from typing import Any, NamedTuple
+
+import numpy as np
+from flint import fmpq
+from jaxtyping import Float
+from threadpoolctl import threadpool_limits
+
+from cfjax.certificate.fit import FUNCTIONS, enclose
+from cfjax.certificate.hold_trees import TreeGrower, program_at, write_proof
+from cfjax.certificate.program import MARGIN_BITS, prove, solved
+from cfjax.certificate.prover import NotProven
+from cfjax.certificate.rounding import dyadic, round_whitening
+from cfjax.certificate.writing import write_unary
+from cfjax.check.enclosure import LARGEST_EFFORT, UnaryEnclosure
+from cfjax.check.program import CellProof
+from cfjax.check.sampled import (
+    HeldRange,
+    Inputs,
+    SampledClaim,
+    SteadyLeg,
+    held_ranges,
+    span_of,
+)
+from cfjax.solver import Solver
+from cfjax.verdict import Verdict
+
+
+RATIO = 2.0  # of the ends of a range of q
+CUT_BITS, LEVEL_BITS = 16, 20
+ORDER = 3
+ENOUGH = 0.5  # of λ: what samples have to say of three levels, or there are more of them
+SHARE = 0.5  # of what samples say: so much λ' is looked for. More of it takes more leaves
+
+
+def sampled_hints(leg: SteadyLeg, period: fmpq, solver: Solver) -> dict[str, Any]:
+    """What is stated of holds up to the period (s), with hints; with three levels of each input, or more of one.
+
+    Raises:
+        NotProven: a part of the funnel for which nothing was found.
+        Broken, ValueError: a vehicle, a V or a reference of a kind that is not looked at.
+    """
+    motion = _Motion.of(leg)
+    try:
+        return hints_with(leg, period, motion.levels(), solver, least=ENOUGH * float(leg.funnel.margin))
+    except NotProven:
+        return hints_with(leg, period, motion.levels(motion.strongest), solver)
+
+
+def hints_with(
+    leg: SteadyLeg,
+    period: fmpq,
+    levels: Sequence[Sequence[fmpq]],
+    solver: Solver,
+    order: int = ORDER,
+    least: float = 0.0,
+) -> dict[str, Any]:
+    """The same with these levels of each input, and so many derivatives of V in the polynomial.
+
+    Raises:
+        NotProven: also where V falls at no more than `least` (1/s) at some sample.
+    """
+    with threadpool_limits(1, user_api="blas"):  # for arrays of this size threads only wait for each other
+        choices: tuple[Inputs, ...] = tuple(itertools.product(*levels))
+        nothing = (fmpq(0),) * len(choices)
+        claim = SampledClaim(period, order, fmpq(1), choices, nothing, _cuts(leg, period))
+        return _stated(leg, claim, solver, least)
+
+
+def _stated(leg: SteadyLeg, claim: SampledClaim, solver: Solver, least: float) -> dict[str, Any]:
+    asked = [(_with_functions(held), parts) for held, parts in held_ranges(leg, claim)]
+    bends = [_bends(held, solver) for held, _ in asked]
+    largest = (max(fmpq(0), *(-margin for margin, _ in each)) for each in zip(*bends, strict=True))
+    claim = replace(claim, bends=tuple(fmpq(bound.ceil()) for bound in largest))
+    growers = [[TreeGrower(held, part, claim, solver) for part in parts] for held, parts in asked]
+    everywhere = list(itertools.chain.from_iterable(growers))
+    shell = [grower for grower in everywhere if grower.part.is_shell]
+    best = min(grower.best() for grower in shell)
+    if not best > least:
+        raise NotProven(
+            Verdict.INCONCLUSIVE, f"sampled: V falls at no more than {best:.3g} 1/s, whichever input is held"
+        )
+    for grower in everywhere:
+        grower.grow(SHARE * best if grower.part.is_shell else 0.0)
+    decrease = min(leaf.spare for grower in shell for leaf in grower.leaves)
+    return {
+        "period": str(claim.period),
+        "order": claim.order,
+        "decrease": str(fmpq(floor(decrease * 2**MARGIN_BITS), 2**MARGIN_BITS)),
+        "inputs": [[str(value) for value in choice] for choice in claim.choices],
+        "bends": [str(bound) for bound in claim.bends],
+        "cuts": [str(cut) for cut in claim.cuts],
+        "ranges": [
+            {
+                "whitening": [[str(entry) for entry in row] for row in held.whitening],
+                "enclosures": write_unary(held.enclosures),
+                "bends": [write_proof(proof) for _, proof in own],
+                "trees": [grower.written() for grower in each],
+            }
+            for (held, _), own, each in zip(asked, bends, growers, strict=True)
+        ],
+    }
+
+
+class _Motion(NamedTuple):
+    """On the reference: the inputs that keep a car there, and which one of the vehicle's moves V most."""
+
+    box: tuple[tuple[fmpq, fmpq], ...]
+    own: tuple[fmpq, ...]
+    strongest: int
+
+    @classmethod
+    def of(cls, leg: SteadyLeg) -> "_Motion":
+        """From the rates at x = 0, which are affine in the inputs."""
+        names, box = tuple(leg.inputs), tuple(leg.inputs.values())
+        still = {f"reference:{name}": float(value) for name, value in leg.profile.items()}
+        still |= dict.fromkeys(leg.states, 0.0)
+
+        def rates(inputs: Float[np.ndarray, " m"]) -> Float[np.ndarray, " n"]:
+            values = still | {f"input:{name}": value for name, value in zip(names, inputs, strict=True)}
+            graph = leg.question.model.vehicle.graph
+            return np.array(graph.evaluate(values, float, lambda _, name, argument: FUNCTIONS[name](argument)))
+
+        units = np.eye(len(names))
+        effects = np.array([rates(unit) - rates(0 * unit) for unit in units])
+        rest, *_ = np.linalg.lstsq(effects[1:].T, -rates(units[0]), rcond=None)
+        shape = np.array([[float(entry) for entry in row] for row in leg.funnel.shape])
+        widths = np.array([float(upper - lower) for lower, upper in box])
+        moved = np.einsum("ij,jk,ik->i", effects, shape, effects) * widths**2
+        own = [fmpq(1), *(dyadic(value, LEVEL_BITS) for value in rest)]
+        clipped = (min(max(value, lower), upper) for value, (lower, upper) in zip(own, box, strict=True))
+        return cls(box, tuple(clipped), 1 + int(moved[1:].argmax()))
+
+    def levels(self, fine: int | None = None) -> list[list[fmpq]]:
+        """Of each input both ends and the reference's own; of the one that is named what lies in the middle too."""
+        found = [sorted({lower, own, upper}) for (lower, upper), own in zip(self.box, self.own, strict=True)]
+        if fine is not None:
+            found[fine] = sorted({*found[fine], *((one + other) / 2 for one, other in itertools.pairwise(found[fine]))})
+        return found
+
+
+def _cuts(leg: SteadyLeg, period: fmpq) -> tuple[fmpq, ...]:
+    """Ranges of q whose ends are in the ratio RATIO, nearly."""
+    least, peak = leg.funnel.level.extent(span_of(leg, period))
+    beta = leg.funnel.beta_lower
+    count = max(1, round(log2(float(peak / least)) / log2(RATIO)))
+    inner = (float(beta * least) * float(peak / least) ** (k / count) for k in range(1, count))
+    return tuple(dyadic(value, CUT_BITS) for value in inner)
+
+
+def _with_functions(held: HeldRange) -> HeldRange:
+    """With a whitening, and with enclosures of the functions on its ball."""
+    shape = np.array([[float(entry) for entry in row] for row in held.shape])
+    held = replace(held, whitening=round_whitening(shape / float(held.peak)))
+    enclosures: dict[int, UnaryEnclosure] = {}
+    for number, (function, argument) in enumerate(held.dynamics.functions.values()):
+        enclosures[number] = enclose(function, held.argument(argument))
+    return replace(held, enclosures=enclosures)
+
+
+def _bends(held: HeldRange, solver: Solver) -> list[tuple[fmpq, CellProof]]:
+    """Of each input the margin −R_u that is proven on the range, and its proof."""
+    cells = list(held.cells())
+    programs = [program_at(held, cell) for cell in cells]
+    found = []
+    for cell, program, solution in zip(cells, programs, solved(solver, programs), strict=True):
+        held.domain.budget.left = LARGEST_EFFORT
+        proven = prove(held, cell, program, solution)
+        if proven.proof is None:
+            raise NotProven(Verdict.SOLVER_FAILED, f"sampled: no bound of a derivative of V: {solution}")
+        found.append((proven.margin, proven.proof))
+    return found
