@@ -105,3 +105,9 @@ class Silent:
 def test_a_key_that_nothing_describes_is_refused() -> None:
     with pytest.raises(ValueError, match=r"group\.number: no comment says what it means"):
         keys.keys_of(Silent, "group.")
+
+
+def test_whoever_reads_the_checker_is_led_through_all_of_it() -> None:
+    page = (ROOT / "docs" / "reading-the-checker.md").read_text()
+    modules = {path.name for path in (ROOT / "cfjax" / "check").glob("*.py") if not path.name.startswith("__")}
+    assert {module for module in modules if page.count(f"`{module}`") != 1} == set()
