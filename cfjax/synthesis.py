@@ -18,7 +18,7 @@ from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure, require_tube_structure
 from cfjax.clock import Clock
 from cfjax.errors import InputError, Interrupted
-from cfjax.falsifier import Suspect, falsify
+from cfjax.falsifier import Counterexample, falsify
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Found, Learned, LearningTask
 from cfjax.learner.objective import rank
@@ -236,7 +236,7 @@ class _Aim:
     target: float | None
     out_of_reach: bool = False  # the learner found no such margin
     warm: tuple[Funnel, ...] | None = None
-    suspects: tuple[Suspect, ...] = ()
+    counterexamples: tuple[Counterexample, ...] = ()
 
 
 class _Search:
@@ -278,7 +278,7 @@ class _Search:
                 {
                     "falsified": falsified,
                     "certified": certified,
-                    "counterexamples": len(aim.suspects),
+                    "counterexamples": len(aim.counterexamples),
                 }
             )
             if self.is_final:
@@ -311,7 +311,7 @@ class _Search:
             with self.clock.stage("falsify"):
                 worst = [point for kind, funnel in enumerate(learned.funnels) for point in self._worst(kind, funnel)]
             return Result(Verdict.INCONCLUSIVE, message, self.problem, self._along(segments), worst_points=tuple(worst))
-        result, aim.suspects = self._certify(learned)
+        result, aim.counterexamples = self._certify(learned)
         aim.warm = learned.funnels
         return result
 
@@ -326,7 +326,7 @@ class _Search:
             aim.target,
             seed=self.options.seed + 1000 * round_,
             warm=aim.warm,
-            counterexamples=aim.suspects,
+            counterexamples=aim.counterexamples,
         )
         with self.clock.stage("learn"):
             found = self.learner.learn(task, lambda done, of: self.clock("learn", done, of))
@@ -335,7 +335,7 @@ class _Search:
             self.search[name] = self.search.get(name, 0) + figure if isinstance(figure, int) else figure
         return found
 
-    def _certify(self, learned: Learned) -> tuple[Result, tuple[Suspect, ...]]:
+    def _certify(self, learned: Learned) -> tuple[Result, tuple[Counterexample, ...]]:
         """Certify, and falsify what was certified: rounding has moved it a little."""
         distinct = self.problem.path.distinct
         with self.clock.stage("certify"):
@@ -353,13 +353,13 @@ class _Search:
             )
         self.search["solver"] = ", ".join(found.solvers) or self.options.solver
         self.is_final = found.final
-        results, suspects, places = [], list(found.suspects), []
+        results, counterexamples, places = [], list(found.counterexamples), []
         with self.clock.stage("falsify"):
             for kind, funnel in enumerate(found.funnels):
                 points = self._worst(kind, funnel)
                 places += points
                 worst = next(point for point in points if point.condition == "d")
-                suspects.append(Suspect(kind, worst.theta, worst.x))
+                counterexamples.append(Counterexample(kind, worst.theta, worst.x))
                 results.append(SegmentResult(funnel, worst.slack))
             # rounding changes no digit that counts: what the learner's search has found holds too
             least = min(range(len(results)), key=lambda kind: results[kind].margin_falsified)
@@ -381,7 +381,7 @@ class _Search:
             ]
         segments = self._along(results)
         result = Result(found.verdict, found.message, self.problem, segments, document=found.document)
-        return result.replace(failed_at=found.failed_at, worst_points=tuple(places)), tuple(suspects)
+        return result.replace(failed_at=found.failed_at, worst_points=tuple(places)), tuple(counterexamples)
 
     def _worst(self, kind: int, funnel: Funnel) -> list[WorstPlace]:
         """The falsifier's points against a funnel of a distinct segment, at the first such segment of the path."""

@@ -428,7 +428,7 @@ UNCHECKED = {
         "Demonstration",
         "Horizon",
         "Weights",
-        "Suspect",
+        "Counterexample",
         "RosPose",
     ),
     *("Descent", "LawNumbers", "Located", "Link", "Stretch", "Sources", "Statement", "Measurement", "Scene", "RosPose"),

@@ -13,7 +13,7 @@ from jax.extend.core import ClosedJaxpr
 
 import cfjax.traced
 from cfjax.control import MinNorm
-from cfjax.falsifier.duel import Schedule
+from cfjax.falsifier.minimax import Schedule
 from cfjax.funnel.conditions import shell_points
 from cfjax.identity import identity
 from cfjax.problem import KinematicBicycle

@@ -38,7 +38,7 @@ from cfjax.check.symbolic import symbolic
 from cfjax.coerce import function, instances, number, objects, whole
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, write_clearance
-from cfjax.falsifier import Suspect
+from cfjax.falsifier import Counterexample
 from cfjax.funnel import Funnel
 from cfjax.funnel.funnel import require_fit
 from cfjax.problem import Path, Problem
@@ -64,7 +64,7 @@ class Certification:
     numerical_margins: tuple[float, ...] = ()  # optimum of the sums-of-squares programs
     stretches: tuple[tuple[StretchMargin, ...], ...] = ()  # what is proven along θ
     seconds: dict[str, float] = field(default_factory=dict)  # plan, sos, exact
-    suspects: tuple[Suspect, ...] = ()  # deviations that limit the proof, by the duals: for a learner
+    counterexamples: tuple[Counterexample, ...] = ()  # deviations that limit the proof, by the duals: for a learner
     failed_at: tuple[float, float] | None = None  # θ along the whole path (s), where one place ended it
     solvers: tuple[str, ...] = ()  # whose hints the proof was made from
     final: bool = False  # what ended it would end the certification of any other funnel too
@@ -172,7 +172,7 @@ def certify(
             str(failure),
             funnels=kept,
             seconds=clock,
-            suspects=failure.suspects,
+            counterexamples=failure.counterexamples,
             failed_at=failure.place,
             final=failure.final,
         )
@@ -209,7 +209,7 @@ def certify(
         numerical_margins=tuple(min(proof.numerical for proof in proofs) for proofs in found),
         stretches=tuple(() if problem.path.tube else tuple(map(_stretch_margin, proofs)) for proofs in found),
         seconds=clock,
-        suspects=tuple(point for proof in every for point in proof.suspects),
+        counterexamples=tuple(point for proof in every for point in proof.counterexamples),
         solvers=tuple(sorted({name for proof in every for name in proof.solvers})),
         final=not proven,  # every cell was proven: it is the document that is none
     )

@@ -29,13 +29,13 @@ from cfjax.check.proof import signs_text
 from cfjax.check.rational import decimal_text, dyadic
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure
-from cfjax.falsifier import Suspect
+from cfjax.falsifier import Counterexample
 from cfjax.problem import Path, Problem, Tube
 from cfjax.solver import Program, Solution, Solver, Status
 from cfjax.verdict import Verdict
 
 
-SUSPECT_CELLS = 4  # the worst ones, of which the learner hears
+COUNTEREXAMPLE_CELLS = 4  # the worst ones, of which the learner hears
 MOST_STRETCHES, MOST_HALVINGS = 20, 3  # of a segment; of a stretch that was planned for
 ROOM = fmpq(1, 2**30)  # relative, of margins and remainders: for a checker that rounds otherwise
 SPARE = 1.01  # by which a planned stretch is to be better than needed: the proof shows a little less
@@ -53,14 +53,14 @@ class NotProven(Exception):
         self,
         verdict: Verdict,
         message: str,
-        suspects: Sequence[Suspect] = (),
+        counterexamples: Sequence[Counterexample] = (),
         place: tuple[float, float] | None = None,
         final: bool = False,
     ) -> None:
         super().__init__(message)
         self.final = final
         self.verdict = verdict
-        self.suspects = tuple(suspects)
+        self.counterexamples = tuple(counterexamples)
         self.place = place
 
 
@@ -80,7 +80,7 @@ class StretchProof:
     margin_per_metre: fmpq
     numerical: float  # optimum of the sums-of-squares programs
     hints: dict[str, Any]
-    suspects: tuple[Suspect, ...]
+    counterexamples: tuple[Counterexample, ...]
     solvers: tuple[str, ...]  # whose hints they were
 
 
@@ -242,7 +242,7 @@ class Prover:
             margin_per_metre=margin_per_metre,
             numerical=min(solution.margin for solution in used),
             hints=write_stretch(stretch.end or None, stretch.bounds, questions[0], written),
-            suspects=self._suspects(stretch, questions[0], used),
+            counterexamples=self._counterexamples(stretch, questions[0], used),
             solvers=tuple(sorted({solution.solver for solution in used})),
         )
 
@@ -285,20 +285,22 @@ class Prover:
         return NotProven(
             verdict,
             f"condition (d), {named}: margin {solution.margin:.6g} ({solution}), {shown}",
-            self._suspects(stretch, questions[index], used),
+            self._counterexamples(stretch, questions[index], used),
         )
 
-    def _suspects(self, stretch: Stretch, decrease: SteadyDecrease, used: list[Solution]) -> tuple[Suspect, ...]:
+    def _counterexamples(
+        self, stretch: Stretch, decrease: SteadyDecrease, used: list[Solution]
+    ) -> tuple[Counterexample, ...]:
         """Deviations near which the worst cells are decided: ± the principal axis of the dual's second moments."""
         whitening = np.array([[float(entry) for entry in row] for row in decrease.whitening])
         theta = float(stretch.begin + stretch.end) / 2
         points = []
-        for solution in sorted(used, key=lambda s: s.margin)[:SUSPECT_CELLS]:
+        for solution in sorted(used, key=lambda s: s.margin)[:COUNTEREXAMPLE_CELLS]:
             if solution.second_moments is not None and np.isfinite(solution.second_moments).all():
                 values, vectors = np.linalg.eigh(solution.second_moments)
                 x = whitening @ vectors[:, -1] * math.sqrt(max(values[-1], 0.0))
                 points += [tuple(float(entry) for entry in side) for side in (x, -x)]
-        return tuple(Suspect(self.kind, theta, point) for point in points)
+        return tuple(Counterexample(self.kind, theta, point) for point in points)
 
 
 def _key(index: int, cell: Cell) -> CellKey:

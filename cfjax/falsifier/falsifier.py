@@ -1,8 +1,8 @@
 """The falsifier: the worst point of every condition.
 
-(a), (b), (c) have closed-form worst points. For (d) a batch of particles descends the margin (`cfjax.falsifier.duel`),
-part of them held on the ridges where inputs have no authority: the lowest margins sit there, and plain sampling misses
-them by factors of two and more.
+(a), (b), (c) have closed-form worst points. For (d) a batch of particles descends the margin
+(`cfjax.falsifier.minimax`), part of them held on the ridges where inputs have no authority: the lowest margins sit
+there, and plain sampling misses them by factors of two and more.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax.coerce import choice, instances, objects, refuse, whole
-from cfjax.falsifier.duel import Outcome, Particles, Schedule, duel, ridge_coordinates, spawn
+from cfjax.falsifier.minimax import Outcome, Particles, Schedule, minimax, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import shell_points
 from cfjax.funnel.funnel import require_fit
@@ -24,7 +24,7 @@ from cfjax.traced import traced
 
 
 SEARCH = Schedule(steps=400)
-GROUPS = 4  # the shapes of the learner's duel: the same compiled program
+GROUPS = 4  # the shapes of the learner's search: the same compiled program
 GROUP_SIZE, PER_STATION = 128, 4  # particles of a funnel: at least, and at each station
 PER_STRETCH = 96  # particles of a stretch that is looked at alone
 
@@ -49,7 +49,7 @@ class WorstPoint:
     x: tuple[float, ...]  # deviation, in the units of the states
 
 
-class Suspect(NamedTuple):
+class Counterexample(NamedTuple):
     """A deviation that candidates are to hold against: of a path's distinct segment, at θ (s)."""
 
     segment: int
@@ -74,7 +74,7 @@ def margin_scale(
 ) -> Float[np.ndarray, " r"]:
     """Spread of each candidate's margin over random points of its shell, 1/s: the unit of a search's tolerances."""
     still = SEARCH._replace(steps=0)
-    return duel(vehicle, template, chain, still, np.ones(len(factor)), factor, change, particles).margins.std((1, 2))
+    return minimax(vehicle, template, chain, still, np.ones(len(factor)), factor, change, particles).margins.std((1, 2))
 
 
 def hunt(
@@ -91,7 +91,7 @@ def hunt(
     shape = (*change.shape, group_size(chain))
     particles = spawn(rng, shape, ridge_coordinates(vehicle, chain), stations)
     scale = margin_scale(vehicle, template, chain, factor, change, particles)
-    found: Outcome = duel(vehicle, template, chain, schedule, scale, factor, change, particles)
+    found: Outcome = minimax(vehicle, template, chain, schedule, scale, factor, change, particles)
     return Hunt(found.particles, _without_nan(found.margins))
 
 
@@ -187,7 +187,7 @@ def stretch_margins(
         rng, (1, 1, PER_STRETCH * len(stretches)), ridge_coordinates(problem.vehicle, chain), len(stretches)
     )
     scale = margin_scale(problem.vehicle, funnel.template, chain, factor, change, particles)
-    found = duel(problem.vehicle, funnel.template, chain, SEARCH, scale, factor, change, particles)
+    found = minimax(problem.vehicle, funnel.template, chain, SEARCH, scale, factor, change, particles)
     of_stretch = found.particles.station[0, 0][None] == np.arange(len(stretches))[:, None]
     margins = [_without_nan(found.margins[:, :, own]).min() for own in of_stretch]
     return np.array(margins)

@@ -1,6 +1,6 @@
 """The gradient learner: maximise the margin λ of condition (d) subject to (a), (b), (c).
 
-A few random candidates are annealed together with the particles that hunt them (`cfjax.falsifier.duel`), in rounds:
+A few random candidates are annealed together with the particles that hunt them (`cfjax.falsifier.minimax`), in rounds:
 anneal, hunt every candidate afresh, let the worst and mutually distant points of both pools be the next particles. What
 leaves is moved strictly inside (a)–(c) and falsified once more.
 """
@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax.coerce import number, objects, whole
-from cfjax.falsifier.duel import Particles, Schedule, duel, ridge_coordinates, spawn
-from cfjax.falsifier.falsifier import GROUPS, SEARCH, Suspect, falsify, group_size, hunt, margin_scale
+from cfjax.falsifier.falsifier import GROUPS, SEARCH, Counterexample, falsify, group_size, hunt, margin_scale
+from cfjax.falsifier.minimax import Particles, Schedule, minimax, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import chain_excess, dual_coordinates
 from cfjax.funnel.instance import Chain, Instance, Unit, chain_of
@@ -65,7 +65,7 @@ def learn(
     candidates: int = 4,
     seed: int = 0,
     warm: Funnels | None = None,
-    counterexamples: Sequence[Suspect] = (),
+    counterexamples: Sequence[Counterexample] = (),
     tracking: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Learned | None:
@@ -120,7 +120,7 @@ class _Annealing:
         self,
         problem: Problem,
         first: Sequence[Funnels] = (),
-        counterexamples: Sequence[Suspect] = (),
+        counterexamples: Sequence[Counterexample] = (),
         *,
         report: Callable[[int], None],
     ) -> _Annealed:
@@ -141,7 +141,7 @@ class _Annealing:
 
         for k in range(ROUNDS):
             part = LEARN.part(k, ROUNDS, FIRST_STEPS[k])
-            outcome = duel(problem.vehicle, template, chain, part, scale, factor, change, particles)
+            outcome = minimax(problem.vehicle, template, chain, part, scale, factor, change, particles)
             factor, change, particles = outcome.factor, outcome.change, outcome.particles
             if k < ROUNDS - 1:
                 found = hunt(problem.vehicle, template, chain, factor, change, rng, PROBE)
@@ -184,16 +184,18 @@ def _starts(
     return np.repeat(factor[:, None], funnels, axis=1), np.repeat(change[:, None], funnels, axis=1)
 
 
-def _include(particles: Particles, chain: Chain, warm: Funnels, suspects: Sequence[Suspect]) -> Particles:
+def _include(particles: Particles, chain: Chain, warm: Funnels, counterexamples: Sequence[Counterexample]) -> Particles:
     """Put given points, free to move, in the place of the first particles of every candidate."""
     points, free, station = (values.copy() for values in particles)
     for index, funnel in enumerate(warm):
-        own = [suspect for suspect in suspects if suspect.segment == index][: points.shape[2]]
+        own = [counterexample for counterexample in counterexamples if counterexample.segment == index][
+            : points.shape[2]
+        ]
         if not own:
             continue
         instance = jax.tree.map(lambda values, index=index: values[index], chain.funnels)
-        at = np.array([int(np.argmin(np.abs(instance.begin - suspect.theta))) for suspect in own])
-        w, s = dual_coordinates(instance, funnel, np.array([suspect.x for suspect in own]), at)
+        at = np.array([int(np.argmin(np.abs(instance.begin - each.theta))) for each in own])
+        w, s = dual_coordinates(instance, funnel, np.array([each.x for each in own]), at)
         points[:, index, : len(own)] = np.concatenate([w, s[:, None]], axis=1)
         free[:, index, : len(own)] = 1.0
         station[:, index, : len(own)] = at

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from cfjax.falsifier.falsifier import Suspect
+from cfjax.falsifier.falsifier import Counterexample
 from cfjax.funnel import Funnel, Objective, Template
 from cfjax.learner.gradient import Learned
 from cfjax.problem import Problem
@@ -37,7 +37,7 @@ class LearningTask:
     target: float | None = None
     seed: int = 0
     warm: tuple[Funnel, ...] | None = None
-    counterexamples: tuple[Suspect, ...] = ()
+    counterexamples: tuple[Counterexample, ...] = ()
 
 
 @dataclass(frozen=True)

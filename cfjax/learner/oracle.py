@@ -13,13 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from cfjax.falsifier.duel import Schedule
 from cfjax.falsifier.falsifier import GROUPS, SEARCH, hunt
+from cfjax.falsifier.minimax import Schedule
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import shell_points
 from cfjax.funnel.instance import Chain, Instance
-from cfjax.learner.beside import beside
 from cfjax.learner.centre import Polytope
+from cfjax.learner.clearance_cuts import clearance_cuts
 from cfjax.learner.coefficients import Coordinates
 from cfjax.learner.demonstrations import Demonstrate, demonstrated, vertices
 from cfjax.learner.elimination import Elimination
@@ -76,7 +76,7 @@ class FunnelOracle:
             raise GivenUp
         cuts = self.coordinates.broken(c)
         if not len(cuts):
-            cuts = beside(self.coordinates, self.instance.clearance, c, self.how.batch)
+            cuts = clearance_cuts(self.coordinates, self.instance.clearance, c, self.how.batch)
             self.half_planes += len(cuts)
         if len(cuts):
             self.contained = self.contained.cut(cuts)

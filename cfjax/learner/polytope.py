@@ -5,7 +5,7 @@ one point with one input is a half-space of them. The falsifier finds points (θ
 demonstrator says what input it would give there; from then on V̇ along that input has to fall there
 (`cfjax.learner.witnesses`). The candidate fails with its best input, so it fails with the demonstrated one: every
 answer cuts it off. (a), (b), (c) are half-spaces at their worst points too (`cfjax.learner.coefficients`), beside
-obstacles by half-planes (`cfjax.learner.beside`).
+obstacles by half-planes (`cfjax.learner.clearance_cuts`).
 
 **What is lost.** Condition (d) says: for each point *of a funnel's own shell* there is *some* input. Here each
 candidate answers for each witness, though only the shell of the candidate that failed there is known to hold it: by a

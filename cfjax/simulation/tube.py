@@ -65,7 +65,7 @@ INSIDE = 1e-12  # relative: by how much such a start lies inside, for rounding
 RAREST_JUMP, SLOWEST_CHASE = 3.5, 3.0  # decades below once, below at once, per step
 
 
-class Habit(NamedTuple):
+class SignalModel(NamedTuple):
     """How one bounded quantity of a car's path varies; arrays of k."""
 
     jump: Float[Array, " k"]  # chance that its target changes, per step
@@ -74,7 +74,7 @@ class Habit(NamedTuple):
     hostile: Bool[Array, " k"]  # the target is the end that is worst for V
 
 
-class Wander(NamedTuple):
+class Signal(NamedTuple):
     """A bounded quantity and where it is heading; arrays of k."""
 
     value: Float[Array, " k"]
@@ -93,15 +93,15 @@ class Paths(NamedTuple):
     """The paths of k cars at where they are."""
 
     speed: Float[Array, " k"]
-    curvature: Wander
-    acceleration: Wander
+    curvature: Signal
+    acceleration: Signal
 
 
-class Crew(NamedTuple):
+class CarTraits(NamedTuple):
     """What stays the same for each of k cars."""
 
-    curvature: Habit
-    acceleration: Habit
+    curvature: SignalModel
+    acceleration: SignalModel
     robust: Bool[Array, " k"]  # held by the law for any curvature
     blind: Bool[Array, " k"]  # of those: not told the curvature
 
@@ -132,10 +132,10 @@ def _uniform(key: Array, ends: tuple[Array, Array], count: int, bang: Array) -> 
     return ends[0] + (ends[1] - ends[0]) * jnp.where(bang, (u < 0.5).astype(float), u)
 
 
-def _habit(key: Array, count: int) -> Habit:
+def _habit(key: Array, count: int) -> SignalModel:
     """A third jumps at every step, the others less often; half of them without transition, half between the ends."""
     u = jax.random.uniform(key, (6, count))
-    return Habit(
+    return SignalModel(
         jump=jnp.where(u[0] < 1 / 3, 1.0, 10 ** (-RAREST_JUMP * u[1])),
         chase=jnp.where(u[2] < 1 / 2, 1.0, 10 ** (-SLOWEST_CHASE * u[3])),
         bang=u[4] < 1 / 2,
@@ -143,14 +143,14 @@ def _habit(key: Array, count: int) -> Habit:
     )
 
 
-def _wander(key: Array, habit: Habit, ends: tuple[Array, Array], now: Wander, worst: Array) -> Wander:
+def _wander(key: Array, habit: SignalModel, ends: tuple[Array, Array], now: Signal, worst: Array) -> Signal:
     """One step on: a mean of where it was and a target, both in the interval, so it never leaves it."""
     key_jump, key_target = jax.random.split(key)
     count = now.value.shape[0]
     jumps = jax.random.uniform(key_jump, (count,)) < habit.jump
     target = jnp.where(jumps, _uniform(key_target, ends, count, habit.bang), now.target)
     target = jnp.where(habit.hostile, worst, target)
-    return Wander(jnp.clip(now.value + habit.chase * (target - now.value), *ends), target)
+    return Signal(jnp.clip(now.value + habit.chase * (target - now.value), *ends), target)
 
 
 def _worst_ends(
@@ -194,15 +194,15 @@ def drive_tube(
     key_crew, key_path, key_steps = jax.random.split(key, 3)
     keys = jax.random.split(key_crew, 4)
     role = jax.random.uniform(keys[2], (count,))
-    crew = Crew(_habit(keys[0], count), _habit(keys[1], count), robust=role < 1 / 2, blind=role < 1 / 4)
+    crew = CarTraits(_habit(keys[0], count), _habit(keys[1], count), robust=role < 1 / 2, blind=role < 1 / 4)
     keys = jax.random.split(key_path, 5)
     mixed = jax.random.uniform(keys[3], (count,)) < 1 / 2
     curvature = _uniform(keys[0], bounds.curvature, count, crew.curvature.bang)
     acceleration = _uniform(keys[1], bounds.acceleration, count, crew.acceleration.bang)
     paths = Paths(
         speed=_uniform(keys[2], bounds.speed, count, mixed),
-        curvature=Wander(curvature, curvature),
-        acceleration=Wander(acceleration, acceleration),
+        curvature=Signal(curvature, curvature),
+        acceleration=Signal(acceleration, acceleration),
     )
 
     def goal_share(x: tuple[Array, ...]) -> Array:

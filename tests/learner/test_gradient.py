@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from cfjax.falsifier.duel import Schedule, _run
+from cfjax.falsifier.minimax import Schedule, _run
 from cfjax.funnel import TEMPLATES
 from cfjax.learner import learn
 from cfjax.problem import Box, Ellipsoid, Method, Problem, ball, circle, straight

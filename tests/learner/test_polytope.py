@@ -13,8 +13,8 @@ from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Template
 from cfjax.funnel.conditions import chain_excess
 from cfjax.funnel.instance import Clearance, chain_of
-from cfjax.learner.beside import beside
 from cfjax.learner.centre import CentreError, Polytope
+from cfjax.learner.clearance_cuts import clearance_cuts
 from cfjax.learner.coefficients import Coordinates
 from cfjax.learner.demonstrations import best_vertices
 from cfjax.learner.elimination import Elimination
@@ -370,12 +370,12 @@ def test_an_obstacle_beside_the_road() -> None:
     clearance: Clearance = jax.tree.map(lambda values: values[0], chain.funnels.clearance)
     wide = space.form(np.eye(4) * problem.inlet.half_axes).sum(axis=0) * (0.5 / 0.8) ** 2
     np.testing.assert_allclose(space.shape(wide), np.eye(4) / 0.8**2, atol=1e-12)
-    cuts = beside(space, clearance, wide, 8)
+    cuts = clearance_cuts(space, clearance, wide, 8)
     assert len(cuts) == 8 and cuts.slack(wide).max() < 0
     entries = space.inlet[:, None] * found.funnels[0].shape * space.inlet
     rows, columns = np.triu_indices(4)
     narrow = entries[rows, columns] * np.where(rows == columns, 1.0, math.sqrt(2))
-    assert len(beside(space, clearance, narrow, 8)) == 0
+    assert len(clearance_cuts(space, clearance, narrow, 8)) == 0
 
 
 @pytest.mark.parametrize("template", TEMPLATE.values())
@@ -404,7 +404,7 @@ def test_half_planes_beside_obstacles_bind_all_funnels_alike(template: Template)
     rooms = np.array([room(c) for c in drawn])
     seen, tight = 0, np.inf
     for c, own in zip(drawn, rooms, strict=True):
-        cuts = beside(space, clearance, c, 8)
+        cuts = clearance_cuts(space, clearance, c, 8)
         if not len(cuts):
             assert own.max(axis=1).min() > 1e-3
             continue

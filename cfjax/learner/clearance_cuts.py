@@ -14,7 +14,7 @@ from cfjax.learner.centre import Polytope
 from cfjax.learner.coefficients import GAP, Coordinates
 
 
-def beside(coordinates: Coordinates, clearance: Clearance, c: Float[np.ndarray, " r"], most: int) -> Polytope:
+def clearance_cuts(coordinates: Coordinates, clearance: Clearance, c: Float[np.ndarray, " r"], most: int) -> Polytope:
     """Where the funnel c reaches over all half-planes of an obstacle's fan: it has to keep to the best of them.
 
     At the `most` worst places. Along n the footprint's disc comes as far as reach(M) = √(mᵀM⁻¹m) + swing (M⁻¹)_αα with

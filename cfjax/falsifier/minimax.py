@@ -1,4 +1,4 @@
-"""The duel: candidates and the particles that hunt their worst points, in one compiled program.
+"""The minimax search: candidates and the particles that hunt their worst points, in one compiled program.
 
 A candidate is a chain of funnels, one for each distinct segment of the path: factors L (C⁻¹ = L Lᵀ) and changes
 (rate · duration). Each funnel has its own particles, points of the shell in the dual coordinates of
@@ -73,7 +73,7 @@ class Particles(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """After a duel: candidates, particles and the margins (1/s) at the particles, exact |b_i|."""
+    """After a search: candidates, particles and the margins (1/s) at the particles, exact |b_i|."""
 
     factor: Float[np.ndarray, "r f n n"]
     change: Float[np.ndarray, "r f"]
@@ -99,7 +99,7 @@ def spawn(
     return Particles(points, free, np.broadcast_to(np.arange(shape[-1]) % stations, shape).copy())
 
 
-def duel(
+def minimax(
     vehicle: Vehicle,
     template: Template,
     chain: Chain,

@@ -1,8 +1,8 @@
-"""The duel of candidates and particles."""
+"""The minimax search of candidates and particles."""
 
 import numpy as np
 
-from cfjax.falsifier.duel import Outcome, Particles, Schedule, duel, spawn
+from cfjax.falsifier.minimax import Outcome, Particles, Schedule, minimax, spawn
 from cfjax.funnel import TEMPLATES
 from cfjax.funnel.instance import Unit, chain_of
 from cfjax.problem import Box, Problem, circle
@@ -21,7 +21,7 @@ def test_candidates_do_not_depend_on_each_other() -> None:
     def of(*which: int) -> Outcome:
         own = list(which)
         some = Particles(*(each[own] for each in particles))
-        return duel(problem.vehicle, template, chain, schedule, np.ones(len(own)), factor[own], change[own], some)
+        return minimax(problem.vehicle, template, chain, schedule, np.ones(len(own)), factor[own], change[own], some)
 
     together, alone = of(0, 1, 2, 3), [of(k) for k in range(4)]
     for field in ("factor", "change", "margins"):
