@@ -90,7 +90,8 @@ def _stated(
     best = min(grower.best() for grower in shell)
     if not best > least:
         raise NotProven(
-            Verdict.INCONCLUSIVE, f"sampled: V falls at no more than {best:.3g} 1/s, whichever input is held"
+            Verdict.INCONCLUSIVE,
+            f"sampled: at some sample V changes by {-best:.3g} 1/s over a hold, whichever input is held",
         )
     for grower in everywhere:
         grower.grow(SHARE * best if grower.part.is_shell else 0.0)
