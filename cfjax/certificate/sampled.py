@@ -85,9 +85,8 @@ def _stated(leg: SteadyLeg, claim: SampledClaim, solver: Solver, least: float) -
     shell = [grower for grower in everywhere if grower.part.is_shell]
     best = min(grower.best() for grower in shell)
     if not best > least:
-        raise NotProven(
-            Verdict.INCONCLUSIVE, f"sampled: V falls at no more than {best:.3g} 1/s, whichever input is held"
-        )
+        change = f"V changes by {-best:.3g} 1/s over a hold somewhere"
+        raise NotProven(Verdict.INCONCLUSIVE, f"sampled: {change}, whichever input is held")
     for grower in everywhere:
         grower.grow(SHARE * best if grower.part.is_shell else 0.0)
     decrease = min(leaf.spare for grower in shell for leaf in grower.leaves)

@@ -19,8 +19,10 @@ from cfjax.check.bounds import Bounds
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.problem import Interval, Tube
+from cfjax.report.result_json import result_json, result_of
 from cfjax.report.run_folder import Check, confirmed, read_run, write_run
-from cfjax.result import Result, SegmentResult, StretchMargin
+from cfjax.result import Absorbed, Result, Sampled, SegmentResult, StretchMargin
+from cfjax.result import Robustness as Robust
 from cfjax.verdict import Verdict
 from tests import by_hand
 from tests.shapes import eight, slalom
@@ -341,3 +343,15 @@ def test_unreadable_folders_are_refused_in_one_line(
     with pytest.raises(InputError, match=message) as refused:
         read_run(tmp_path / "run")
     assert "\n" not in str(refused.value)
+
+
+def test_what_is_proven_of_holds_comes_back_from_result_json(hand_made: Make) -> None:
+    amounts = Absorbed(0.001, (0.1,) * 4, (0.2,) * 4, 0.002)
+    absorbed = Robust(amounts, 0.9, amounts, 0.8)
+    held = replace(absorbed, sampled=Sampled(0.02, 3, 0.5, ((0.5, -1.0, 0.0), (2.0, 1.0, 4.0)), (1.0, 2.0)))
+    made = hand_made(problem_of(preset("circle")))
+    for robustness in (absorbed, held):
+        result = made.replace(robustness=robustness)
+        data = json.loads(json.dumps(result_json(result)))
+        assert result_of(data, result.problem, None).robustness == robustness
+        assert ("sampled control  20 ms" in str(result)) == (robustness is held)
