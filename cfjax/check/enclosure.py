@@ -174,10 +174,17 @@ class Domain:
 
     def divided(self, polynomial: fmpq_mpoly, divisor: fmpq_mpoly) -> fmpq_mpoly | None:
         """polynomial / divisor, paid for as a product; None where that is no polynomial."""
+        whole, rest = self._divmod(polynomial, divisor)
+        return None if rest else whole
+
+    def rest(self, polynomial: fmpq_mpoly, divisor: fmpq_mpoly) -> fmpq_mpoly:
+        """What is left of a polynomial where the divisor is zero, paid for likewise."""
+        return self._divmod(polynomial, divisor)[1]
+
+    def _divmod(self, polynomial: fmpq_mpoly, divisor: fmpq_mpoly) -> tuple[fmpq_mpoly, fmpq_mpoly]:
         length = self._length(polynomial) + self._length(divisor)
         self.budget.spend(len(polynomial) * len(divisor) * (1 + length // 512))
-        whole, rest = divmod(polynomial, divisor)
-        return None if rest else whole
+        return divmod(polynomial, divisor)
 
     def _length(self, polynomial: fmpq_mpoly) -> int:
         """Bits of the longest coefficient: a look at each of them."""

@@ -24,7 +24,7 @@ one input, and sums of squares show B_j there (`cfjax.check.program`), with the 
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import pairwise
 from math import comb, factorial
 from types import MappingProxyType
@@ -174,9 +174,10 @@ def derivatives(leg: SteadyLeg, order: int) -> list[fmpq_mpoly]:
         along = (
             domain.product(dynamics.derivative(value, state), rate) for state, rate in zip(states, rates, strict=True)
         )
-        value = sum(along, domain.product(value, funnel.level.rate * symbols[TIMING]))
+        turned = domain.product(value, funnel.level.rate * symbols[TIMING])
+        value = reduce(domain.sum, along, turned)
         for circle in circles:
-            value = divmod(value, circle)[1]
+            value = domain.rest(value, circle)
         found.append(value)
     return found
 
@@ -500,13 +501,20 @@ def _require_sense(leg: SteadyLeg, claim: SampledClaim) -> None:
 
 
 def _prove_lap(leg: SteadyLeg, gap: Gap, claim: SampledClaim) -> None:
-    """√V of the next lap, at θ beyond its start, is at most √ρ(T) and what the reference's jump adds to it."""
-    level, shape = leg.funnel.level, leg.funnel.shape
-    end = level.bounds(leg.duration)[1]
-    least, _ = level.extent((fmpq(0), leg.inputs["u0"][1] * claim.period))
-    jump = gap.jump(shape, leg.funnel.inverse)
-    if level.rate < 0 or sqrt_upper(end) + jump / sqrt_lower(least) >= 1:
-        raise Broken("sampled: a hold over the end of a lap may leave the funnel of the next one")
+    """A hold that lasts beyond the end of a lap ends in the next lap's V ≤ 1, on the shell with V as low as stated.
+
+    At a θ that is δ beyond T, √V of the next lap is at most √ρ(T) √V + J/√ρ(δ), where V goes on along this lap's end.
+    The next reference has moved by its gap, seen from a body frame that may have turned, and by the gap in heading
+    times the way since the start.
+    """
+    level, shape, highest = leg.funnel.level, leg.funnel.shape, leg.inputs["u0"][1]
+    away = gap.lateral + gap.forward + gap.heading * abs(leg.profile["speed"]) * highest * claim.period
+    jump = Gap(gap.heading, away, away, gap.speed).jump(shape, leg.funnel.inverse)
+    least, _ = level.extent((fmpq(0), highest * claim.period))
+    left = 1 - sqrt_upper(level.bounds(leg.duration)[1])
+    lowest = leg.funnel.beta_lower - claim.decrease * claim.period  # of V where a hold that began on the shell ends
+    if level.rate < 0 or lowest <= 0 or jump / sqrt_lower(least) > left * sqrt_lower(lowest):
+        raise Broken("sampled: a hold over the end of a lap may leave the funnel of the next one, or bring V down less")
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from flint import fmpq
 
 from cfjax.check.graph import MOST_INPUTS
 from cfjax.check.hints import Room, read_enclosures, read_gram, read_matrix
+from cfjax.check.rational import bits
 from cfjax.check.reader import Item
 from cfjax.check.sampled import (
     BEND_DEGREES,
@@ -23,7 +24,9 @@ from cfjax.check.sampled import (
 
 MOST_CHOICES = 256
 MOST_RANGES = 16
+RANGES_WITHOUT_CUTS = 3
 MOST_FORKS = 24  # on the way to one leaf
+LONGEST_FORK = 256  # bits of each coefficient: every leaf below multiplies by them
 PARTS = 2  # of what is asked on a range: inside the shell, and on it
 
 
@@ -43,7 +46,7 @@ def read_sampled(item: Item, states: int, room: Room) -> tuple[SampledClaim, tup
         decrease=decrease.positive(),
         choices=choices,
         bends=_rationals(bends, len(choices), len(choices)),
-        cuts=_rationals(cuts, MOST_RANGES, 0),
+        cuts=_rationals(cuts, MOST_RANGES - RANGES_WITHOUT_CUTS, 0),
     )
     return claim, tuple(_range(entry, states, claim, room) for entry in ranges.items(MOST_RANGES))
 
@@ -75,8 +78,11 @@ def _tree(item: Item, states: int, claim: SampledClaim, forks: int, room: Room) 
         item.refuse(f"at most {MOST_FORKS} forks on the way to a leaf")
     coefficients, *sides = item.record("fork", "above", "below")
     size = comb(states + FORK_DEGREE, FORK_DEGREE)
+    each = _rationals(coefficients, size, size)
+    if max(map(bits, each)) > LONGEST_FORK:
+        coefficients.refuse(f"coefficients of at most {LONGEST_FORK} bits")
     above, below = (_tree(side, states, claim, forks + 1, room) for side in sides)
-    return Fork(_rationals(coefficients, size, size), above, below)
+    return Fork(each, above, below)
 
 
 def _proof(item: Item, states: int, degrees: tuple[int, int], forks: int, room: Room) -> Proof:

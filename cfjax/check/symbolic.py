@@ -6,6 +6,7 @@ properties that hold whatever the numbers are (`cfjax.check.structure`).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import prod
 from types import MappingProxyType
 
@@ -62,17 +63,55 @@ class Symbolic:
         Raises:
             ValueError: another function depends on it, or a derivative that no symbol stands for is needed.
         """
+        slopes = self._slopes.setdefault(name, {})
+        for index in self._functions_in(polynomial):
+            if index not in slopes:
+                slopes[index] = self._slope(index, name)
+        return self._through(polynomial, name)
+
+    @cached_property
+    def _slopes(self) -> dict[str, dict[int, fmpq_mpoly]]:
+        """By name, ∂/∂name of functions' symbols.
+
+        They are kept: by the chain rule anew each time, nested functions would cost twice as much with every level.
+        """
+        return {}
+
+    def _functions_in(self, polynomial: fmpq_mpoly) -> list[int]:
+        """Those in it, and in their arguments, which come earlier; innermost first."""
+        found: set[int] = set()
+        looked_at = [polynomial]
+        while looked_at:
+            new = set(self._used(looked_at.pop())) - found
+            found |= new
+            looked_at += [self.functions[index][1] for index in new]
+        return sorted(found)
+
+    def _used(self, polynomial: fmpq_mpoly) -> list[int]:
+        """The functions whose symbols stand in a polynomial itself."""
+        self.domain.budget.spend(len(polynomial))
+        degrees = polynomial.degrees()
+        return [index for index in self.functions if degrees[index]]
+
+    def _slope(self, index: int, name: str) -> fmpq_mpoly:
+        function, argument = self.functions[index]
+        inner = self._through(argument, name)
+        if not len(inner):
+            return inner
+        other, sign = DERIVATIVES.get(function, (None, 0))
+        symbol = next((k for k, value in self.functions.items() if value == (other, argument)), None)
+        if symbol is None:
+            raise ValueError(f"the dynamics apply {function}, but not its derivative to the same argument")
+        slope = self.domain.product(inner, self.domain.ring.gens()[symbol])
+        return slope if sign > 0 else self.domain.negative(slope)
+
+    def _through(self, polynomial: fmpq_mpoly, name: str) -> fmpq_mpoly:
+        """∂polynomial/∂name by the slopes of the functions in it, which are known."""
         total = polynomial.derivative(self.names.index(name))
-        for index, (function, argument) in self.functions.items():
-            outer = polynomial.derivative(index)
-            inner = self.derivative(argument, name) if len(outer) else outer  # the argument may hold functions itself
-            if len(inner):
-                other, sign = DERIVATIVES.get(function, (None, 0))
-                symbol = next((k for k, value in self.functions.items() if value == (other, argument)), None)
-                if symbol is None:
-                    raise ValueError(f"the dynamics apply {function}, but not its derivative to the same argument")
-                slope = self.domain.product(outer, self.domain.product(inner, self.domain.ring.gens()[symbol]))
-                total = self.domain.sum(total, slope if sign > 0 else self.domain.negative(slope))
+        for index in self._used(polynomial):
+            slope = self._slopes[name][index]
+            if len(slope):
+                total = self.domain.sum(total, self.domain.product(polynomial.derivative(index), slope))
         return total
 
     def size(

@@ -265,6 +265,34 @@ def test_a_lap_ends_in_the_next_ones_funnel_or_nothing_is_proven() -> None:
         prove_sampled(wide, claim, (), Budget(MOST_EFFORT))
     with pytest.raises(Broken, match="expected hints"):  # the lap is no reason any more
         prove_sampled(leg, claim, (), Budget(MOST_EFFORT))
+    fast = replace(claim, decrease=fmpq(40))  # V would have to fall below zero
+    with pytest.raises(Broken, match="end of a lap"):
+        prove_sampled(leg, fast, (), Budget(MOST_EFFORT))
+
+
+@pytest.mark.parametrize(("aside", "answer"), [(100, "end of a lap"), (1, "expected hints")])
+def test_a_gap_ahead_may_lie_aside_when_the_hold_ends(aside: int, answer: str) -> None:
+    """A body frame turns on a circle; √V counts a metre aside `aside` times as much as one ahead."""
+    leg = leg_of(circle(radius=1.5, speed=1.0))
+    shape = [[fmpq(i == j) * (aside**2 if i == 1 else 1) for j in range(3)] for i in range(3)]
+    funnel = replace(leg.funnel, shape=shape)
+    ahead = Gap(heading=fmpq(0), lateral=fmpq(0), forward=fmpq(1, 100), speed=fmpq(0))
+    changed = replace(leg, question=replace(leg.question, funnel=funnel), gap=ahead)
+    claim = SampledClaim(PERIOD, 2, fmpq(1), ((fmpq(1), fmpq(0), fmpq(0), fmpq(0)),), (fmpq(1),), ())
+    with pytest.raises(Broken, match=answer):
+        prove_sampled(changed, claim, (), Budget(MOST_EFFORT))
+
+
+def test_forks_of_long_numbers_and_more_cuts_than_ranges_are_refused(held: Held) -> None:
+    def lengthen(hints: dict[str, Any]) -> None:
+        tree = next(tree for each in hints["ranges"] for tree in each["trees"] if forks(tree))
+        forks(tree)[0]["fork"][0] = str(fmpq(1, 2**300 + 1))
+
+    def cut(hints: dict[str, Any]) -> None:
+        hints["cuts"] = [str(fmpq(k)) for k in range(14)]
+
+    assert "coefficients of at most 256 bits" in answer(held, lengthen)[1]
+    assert "a list of 0 to 13 entries" in answer(held, cut)[1]
 
 
 def test_what_is_not_true_is_not_found(held: Held) -> None:

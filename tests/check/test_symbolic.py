@@ -62,6 +62,19 @@ def test_a_derivative_without_a_symbol_is_refused() -> None:
         dynamics.derivative(dynamics.rates[0], "x")
 
 
+def test_functions_nested_deeply_cost_no_more_with_every_level_than_with_the_last() -> None:
+    """sin(… sin(x) …) + cos of the same: by the chain rule anew each time, forty levels would never end."""
+    depth = 40
+    nodes = [Node("input", name="x")]
+    for _ in range(depth):
+        last = len(nodes) - 1
+        nodes += [Node("sin", (last,)), Node("cos", (last,)), Node("add", (last + 1, last + 2))]
+    dynamics = symbolic(Graph(tuple(nodes), (len(nodes) - 1,)), ("x",), ())
+    with pytest.raises(ValueError, match="grows beyond what the checker takes"):  # 2^40 products: refused, and at once
+        dynamics.derivative(dynamics.rates[0], "x")
+    assert len(dynamics.derivative(dynamics.of("sin", "x"), "x")) == 1
+
+
 def test_one_over_a_product_is_bounded_where_its_factors_are_from_below() -> None:
     nodes = (
         Node("input", name="x"),
