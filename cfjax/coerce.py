@@ -295,8 +295,11 @@ def one_of(name: str, value: object, names: Sequence[str] | Mapping[str, Any]) -
     """
     if isinstance(value, str) and value in names:
         return value
-    given = _cut(value) if isinstance(value, str) and value.strip() else shown(value)
-    raise InputError(f"{name}: expected one of {', '.join(names)}, got {given}{meant(str(value), names)}")
+    if isinstance(value, str) and value.strip():
+        given = _cut(value) + meant(value, names)
+    else:
+        given = shown(value)
+    raise InputError(f"{name}: expected one of {', '.join(names)}, got {given}")
 
 
 def text(name: str, value: object) -> str:
