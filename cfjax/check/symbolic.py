@@ -91,7 +91,7 @@ class Symbolic:
         """The functions whose symbols stand in a polynomial itself."""
         self.domain.budget.spend(len(polynomial))
         degrees = polynomial.degrees()
-        return [index for index in self.functions if degrees[index]]
+        return [index for index in self.functions if degrees[index] > 0]  # of zero they are −1
 
     def _slope(self, index: int, name: str) -> fmpq_mpoly:
         function, argument = self.functions[index]

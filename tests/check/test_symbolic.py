@@ -60,6 +60,7 @@ def test_a_derivative_without_a_symbol_is_refused() -> None:
     dynamics = symbolic(Graph(nodes, (2,)), ("x",), ())
     with pytest.raises(ValueError, match="not its derivative"):
         dynamics.derivative(dynamics.rates[0], "x")
+    assert not dynamics.derivative(dynamics.domain.ring.constant(0), "x")  # none is needed
 
 
 def test_functions_nested_deeply_cost_no_more_with_every_level_than_with_the_last() -> None:
