@@ -121,7 +121,7 @@ print(check_document(document).text)
 
 # %%
 forged = copy.deepcopy(document)
-piece = forged["path"]["pieces"][0]
+piece = forged["problem"]["path"]["pieces"][0]
 print("speed of the first piece:", piece["speed"])
 piece["speed"][0] = "5/4"
 for skip in (False, True):
