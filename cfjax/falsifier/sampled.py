@@ -19,8 +19,8 @@ from cfjax.errors import InputError
 from cfjax.falsifier.falsifier import require_question
 from cfjax.falsifier.held import KEPT, NARROWER, ROUNDS
 from cfjax.funnel import Funnel, Template
-from cfjax.funnel.sampled import Holds, look_ahead
-from cfjax.problem import Problem, ReferencePoint, Segment, Vehicle, deviation_rate
+from cfjax.funnel.sampled import Holds, held_motion, look_ahead, value_of
+from cfjax.problem import Problem, ReferencePoint, Segment, Vehicle
 from cfjax.problem.runge_kutta import runge_kutta
 
 
@@ -159,15 +159,10 @@ def _values(
     step: float,
 ) -> tuple[Float[Array, ""], Float[Array, "c t"]]:
     """V now, and after each of STEPS steps (s) while each of the inputs is held."""
-
-    def value(z: Array) -> Array:
-        return jnp.asarray(template.value(numbers.rate, z[0], z[1:] @ numbers.shape @ z[1:]))
-
-    start = jnp.concatenate([theta[None], x])
+    start, value = jnp.concatenate([theta[None], x]), value_of(template, numbers)
 
     def held(inputs: Array) -> Array:
-        def motion(at: Array) -> Array:
-            return jnp.stack([inputs[0], *deviation_rate(vehicle, tuple(at[1:]), tuple(inputs), reference)])
+        motion = held_motion(vehicle, inputs, reference)
 
         def move(at: Array, _: None) -> tuple[Array, Array]:
             at = runge_kutta(motion, at, step)

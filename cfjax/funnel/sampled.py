@@ -87,6 +87,18 @@ def holds(
     )
 
 
+def value_of(template: Template, numbers: Holds) -> Callable[[Float[Array, " n1"]], Array]:
+    """V of (θ in s, deviation), as one vector."""
+    return lambda z: jnp.asarray(template.value(numbers.rate, z[0], z[1:] @ numbers.shape @ z[1:]))
+
+
+def held_motion(
+    vehicle: Vehicle, inputs: Float[Array, " m"], reference: ReferencePoint
+) -> Callable[[Float[Array, " n1"]], Array]:
+    """d/ds of (θ in s, deviation) while inputs (u0 first) are held, beside a reference that stays as it is."""
+    return lambda z: jnp.stack([inputs[0], *deviation_rate(vehicle, tuple(z[1:]), tuple(inputs), reference)])
+
+
 def look_ahead(
     vehicle: Vehicle,
     template: Template,
@@ -96,15 +108,10 @@ def look_ahead(
     x: Float[Array, " n"],
 ) -> Ahead:
     """What each input does over a hold that begins at (θ in s, deviation x) beside a reference that stays as it is."""
-    start = jnp.concatenate([jnp.reshape(theta, 1), x])
-
-    def value(z: Array) -> Array:
-        return jnp.asarray(template.value(numbers.rate, z[0], z[1:] @ numbers.shape @ z[1:]))
+    start, value = jnp.concatenate([jnp.reshape(theta, 1), x]), value_of(template, numbers)
 
     def bernstein(inputs: Array) -> Array:
-        def motion(z: Array) -> Array:
-            return jnp.stack([inputs[0], *deviation_rate(vehicle, tuple(z[1:]), tuple(inputs), reference)])
-
+        motion = held_motion(vehicle, inputs, reference)
         derivatives, of = [], value
         for _ in range(len(numbers.weights)):
             of = _along(of, motion)

@@ -142,7 +142,10 @@ def test_derivatives_are_those_of_v_along_a_held_input() -> None:
             rates = deviation_rate(problem.vehicle, tuple(z[1:]), tuple(u), point)
             return jnp.stack([u[0], *(jnp.asarray(rate, float) for rate in rates)])
 
-        of = lambda z: funnel.template.value(funnel.rate, z[0], z[1:] @ SHAPE @ z[1:])  # noqa: E731
+        def value(z: jax.Array) -> jax.Array:
+            return jnp.asarray(funnel.template.value(funnel.rate, z[0], z[1:] @ SHAPE @ z[1:]))
+
+        of = value
         symbols = dict(zip(names, [*x, *u], strict=False))
         values = [symbols.get(name, 0.0) for name in names]
         values += [{"sin": np.sin, "cos": np.cos}[function](x[0]) for function, _ in leg.dynamics.functions.values()]
