@@ -6,7 +6,9 @@ there, and plain sampling misses them by factors of two and more.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -87,9 +89,23 @@ def hunt(
     schedule: Schedule = SEARCH,
 ) -> Hunt:
     """Search each candidate's shells from fresh random particles."""
+    return _searched(vehicle, template, chain, factor, change, schedule, _fresh(vehicle, chain, change, rng))
+
+
+def _fresh(vehicle: Vehicle, chain: Chain, change: Float[np.ndarray, "r f"], rng: np.random.Generator) -> Particles:
     stations = chain.funnels.begin.shape[1]
-    shape = (*change.shape, group_size(chain))
-    particles = spawn(rng, shape, ridge_coordinates(vehicle, chain), stations)
+    return spawn(rng, (*change.shape, group_size(chain)), ridge_coordinates(vehicle, chain), stations)
+
+
+def _searched(
+    vehicle: Vehicle,
+    template: Template,
+    chain: Chain,
+    factor: Float[np.ndarray, "r f n n"],
+    change: Float[np.ndarray, "r f"],
+    schedule: Schedule,
+    particles: Particles,
+) -> Hunt:
     scale = margin_scale(vehicle, template, chain, factor, change, particles)
     found: Outcome = minimax(vehicle, template, chain, schedule, scale, factor, change, particles)
     return Hunt(found.particles, _without_nan(found.margins))
@@ -154,7 +170,9 @@ def falsify(
     factor = np.repeat(np.linalg.cholesky(inverse)[None, None], GROUPS, axis=0)
     change = np.full((GROUPS, 1), funnel.rate * float(here.duration))
     rng = np.random.default_rng(seed)
-    found = [hunt(problem.vehicle, funnel.template, chain, factor, change, rng) for _ in range(rounds)]
+    search = partial(_searched, problem.vehicle, funnel.template, chain, factor, change, SEARCH)
+    with ThreadPoolExecutor(rounds) as pool:  # XLA runs a search on one core
+        found = list(pool.map(search, [_fresh(problem.vehicle, chain, change, rng) for _ in range(rounds)]))
     margins = np.concatenate([hunted.margins.ravel() for hunted in found])
     rows = np.concatenate([hunted.particles.points.reshape(-1, problem.dimension + 1) for hunted in found])
     stations = np.concatenate([hunted.particles.station.ravel() for hunted in found])
