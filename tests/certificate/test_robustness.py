@@ -25,7 +25,7 @@ from cfjax.check import Outcome, check_document
 from cfjax.check.amounts import Absorbed, Rates, Robustness, kept_level
 from cfjax.check.document import document_hash
 from cfjax.check.enclosure import Budget, Enclosure
-from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
+from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
 from cfjax.check.held_hints import read_stretch
 from cfjax.check.hints import Room
 from cfjax.check.legs import Leg
@@ -36,6 +36,7 @@ from cfjax.check.rational import dyadic, rational
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness
 from cfjax.check.robustness import motions, rates_along
+from cfjax.check.spare import Terms
 from cfjax.control import LAWS
 from cfjax.control.law import LAW_SHARE, law_numbers
 from cfjax.errors import InputError
