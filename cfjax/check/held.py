@@ -35,7 +35,6 @@ from cfjax.check.level import LevelPiece
 from cfjax.check.parametric import Combination, Parametric, Point
 from cfjax.check.program import FunnelProgram, Matrix
 from cfjax.check.rational import sqrt_upper
-from cfjax.check.reader import Broken
 from cfjax.check.symbolic import DERIVATIVES
 
 
@@ -51,17 +50,9 @@ def asked_name(name: str) -> str:
 
 
 def derivatives_of(graph: Graph, states: Sequence[str]) -> dict[int, str]:
-    """For each node that applies a function to what changes with the states, the function that is its derivative.
-
-    Raises:
-        Broken: it is none that the proof knows.
-    """
-    functions = graph.functions_of(states)
-    for function in functions.values():
-        if function not in DERIVATIVES:
-            known = " and ".join(DERIVATIVES)
-            raise Broken(f"vehicle: held inputs are proven where only {known} are of the states, not {function}")
-    return {node: DERIVATIVES[function][0] for node, function in functions.items()}
+    """The nodes that apply a function to what changes with the states, and whose derivative takes another function."""
+    others = {node: DERIVATIVES[function].other for node, function in graph.functions_of(states).items()}
+    return {node: other for node, other in others.items() if other}
 
 
 class HeldCell(NamedTuple):
@@ -108,8 +99,8 @@ class HeldMotion(FunnelProgram):
     `parameters` is the box by the graph's names (`input:…`, `reference:…`); `spare` is what V̈/σ may be above its
     largest value at a vertex (`cfjax.check.spare`).
     Of the parameter `mirrored`, where one is named, the upper end speaks for the lower one.
-    `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for its derivative
-    where that is asked for (`derivatives_of`).
+    `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for the function
+    that its derivative takes beside it (`derivatives_of`).
     """
 
     graph: Graph
@@ -179,12 +170,12 @@ class HeldMotion(FunnelProgram):
         return Parametric.parameter(self.domain, name) if lower < upper else self._exact(self.ring.constant(lower))
 
     def _apply(self, node: int, function: str, argument: Dual) -> Dual:
-        value = Parametric.free(argument.value.constant.apply(self.enclosures[node]))
+        value = argument.value.constant.apply(self.enclosures[node])
         if not argument.slopes:
-            return Dual(value, {})
-        _, sign = DERIVATIVES[function]
-        slope = Parametric.free(argument.value.constant.apply(self.derivatives[node]))
-        return Dual(value, argument.times(slope if sign > 0 else -slope))
+            return Dual(Parametric.free(value), {})
+        derivative = DERIVATIVES[function]
+        other = argument.value.constant.apply(self.derivatives[node]) if derivative.other else value
+        return Dual(Parametric.free(value), argument.times(Parametric.free(derivative.of(value, other))))
 
     @cached_property
     def moved(self) -> list[Parametric]:

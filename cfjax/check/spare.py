@@ -51,22 +51,15 @@ class Terms:
     piece: LevelPiece
 
     @cached_property
-    def sizes(self) -> dict[str, fmpq]:
+    def ranges(self) -> dict[str, Range]:
         """Of states and parameters."""
         inverse = fmpq_mat([list(row) for row in self.shape]).inv()
         widths = [sqrt_upper(self.piece.upper * inverse[j, j]) for j in range(len(self.shape))]
-        values = {name: max(abs(lower), abs(upper)) for name, (lower, upper) in self.parameters.items()}
-        return dict(zip(self.states, widths, strict=True)) | values
-
-    @cached_property
-    def least(self) -> dict[str, fmpq]:
-        """Of parameters whose interval does not hold zero: how small they are at most."""
-        ends = {name: sorted(map(abs, limits)) for name, limits in self.parameters.items() if limits[0] * limits[1] > 0}
-        return {name: smallest for name, (smallest, _) in ends.items()}
+        return {name: (-width, width) for name, width in zip(self.states, widths, strict=True)} | {**self.parameters}
 
     def size(self, polynomial: fmpq_mpoly) -> fmpq:
         """|polynomial| at most."""
-        return self.dynamics.size(polynomial, self.sizes, self.least)
+        return self.dynamics.size(polynomial, self.ranges)
 
     @cached_property
     def spare(self) -> fmpq:

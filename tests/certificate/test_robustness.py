@@ -44,6 +44,7 @@ from cfjax.falsifier import first_escape
 from cfjax.funnel import Funnel, template_named
 from cfjax.options import Options
 from cfjax.problem import (
+    Ellipsoid,
     KinematicBicycle,
     Method,
     Path,
@@ -53,11 +54,14 @@ from cfjax.problem import (
     ReferencePoint,
     Segment,
     ball,
+    circle,
     deviation_rate,
+    straight,
 )
 from cfjax.question import check_question
 from cfjax.solver import solver_named
-from tests.check.vehicles import Cart
+from experiments.vehicles.dynamic_single_track import DynamicSingleTrack
+from tests.check.vehicles import Cart, Hauler
 
 
 DURATION, SAMPLES = 2.0, 20_000
@@ -69,11 +73,27 @@ BEND = np.array(
         [0.207919, -0.119166, -0.218095, 1.13316],
     ]
 )
+# of a car with tyres on a circle, and of a unicycle whose acceleration is power over speed: as learned
+TYRES = np.array(
+    [
+        [9.442494, -7.553569, -0.179041, 0.829095, 0.839306, 0.390784],
+        [-7.553569, 20.971017, 0.410439, -0.910035, -1.362557, -0.354084],
+        [-0.179041, 0.410439, 23.438004, 5.158669, -0.711917, 0.148818],
+        [0.829095, -0.910035, 5.158669, 2.625442, 0.165828, 0.070059],
+        [0.839306, -1.362557, -0.711917, 0.165828, 5.155515, -0.314263],
+        [0.390784, -0.354084, 0.148818, 0.070059, -0.314263, 0.15516],
+    ]
+)
+POWER = np.array([[9.14, -8.67, 0, 0], [-8.67, 19.5, 0, 0], [0, 0, 22.1, 7.24], [0, 0, 7.24, 6.9]])
+# with the share of a bound that samples reach at least. Along a bend bounds hold for every reference between the
+# extreme ones at every level, which is more than is there; in six states samples meet few of the worst deviations
 CASES = (
-    ("circle pf contracting", 1),
-    ("straight pf paper", 1),
-    ("bend tt contracting", 1),
-    ("bend tt of a cart", 2),
+    ("circle pf contracting", 1, 0.85),
+    ("straight pf paper", 1, 0.85),
+    ("bend tt contracting", 1, 0.6),
+    ("bend tt of a cart", 2, 0.6),
+    ("straight tt of a hauler", 1, 0.85),
+    pytest.param("circle tt of tyres", 1, 0.6, marks=pytest.mark.slow),
 )
 
 
@@ -85,6 +105,13 @@ def case(candidate: Callable[..., tuple[Problem, Funnel]]) -> Callable[[str], tu
     """
 
     def make(name: str) -> tuple[Problem, Funnel]:
+        if name == "circle tt of tyres":
+            sets = {"inlet": Ellipsoid((0.2, 0.2, 0.2, 0.2, 0.1, 0.5)), "goal": Ellipsoid((0.5,) * 5 + (2.0,))}
+            problem = Problem(circle(), vehicle=DynamicSingleTrack(), method=Method.TT, **sets)
+            return problem, Funnel(template_named("contracting"), TYRES, 0.19, problem.path.segments[0].duration)
+        if name == "straight tt of a hauler":
+            problem = Problem(straight(), vehicle=Hauler(), method=Method.TT, inlet=ball(0.2), goal=ball(0.5))
+            return problem, Funnel(template_named("paper"), POWER, 0.0, problem.path.segments[0].duration)
         if not name.startswith("bend"):
             return candidate(*name.split())
         turn = Profile((0.0, DURATION), ((0.0, 0.0, 2.0, -2.0, 0.5),))
@@ -161,8 +188,10 @@ def inputs_of(problem: Problem, count: int) -> np.ndarray:
     return np.where((np.arange(count) % 4 == 0)[:, None], between, corners[rng.integers(len(corners), size=count)])
 
 
-@pytest.mark.parametrize(("name", "cuts"), CASES)
-def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], tuple[Problem, Funnel]]) -> None:
+@pytest.mark.parametrize(("name", "cuts", "close"), CASES)
+def test_bounds_hold_and_are_close(
+    name: str, cuts: int, close: float, case: Callable[[str], tuple[Problem, Funnel]]
+) -> None:
     problem, funnel = case(name)
     bounds = rates_of(problem, funnel, cuts)
     value, rate = motion_of(problem, funnel)
@@ -181,8 +210,6 @@ def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], t
         return first(z, u), along(z, u, u), along(z, u, other), jax.grad(first)(z, u)[1:], jax.grad(value)(z)[1:]
 
     rise, bend, stale, slopes, gradient = (np.asarray(found) for found in all_of(z, u, other))
-    # along a bend they hold for every reference between the extreme ones at every level, which is more than is there
-    close = 0.85 if problem.path.segments[0].is_steady else 0.6
     assert close * float(bounds.rise) < rise.max() <= float(bounds.rise)
     assert close * float(bounds.bend) < bend.max() <= float(bounds.bend)
     assert np.abs(stale).max() <= float(bounds.staleness)
@@ -191,7 +218,7 @@ def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], t
 
 
 def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]:
-    """What is bounded over the whole of a steady segment, with enclosures of sine and cosine."""
+    """What is bounded over the whole of a steady segment, with enclosures of functions."""
     question, leg = asked(problem, funnel)
     slopes = derivatives_of(question.model.vehicle.graph, question.model.vehicle.states)
     found = []
@@ -199,7 +226,9 @@ def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]
         hints: tuple[dict, dict] = {}, {}
 
         def fit(node: int, function: str, argument: Enclosure, hints: tuple[dict, dict] = hints) -> Enclosure:
-            hints[0][node], hints[1][node] = enclose(function, argument), enclose(slopes[node], argument)
+            hints[0][node] = enclose(function, argument)
+            if node in slopes:
+                hints[1][node] = enclose(slopes[node], argument)
             return argument.apply(hints[0][node])
 
         motion = replace(motion, whitening=round_whitening(funnel.shape / float(motion.peak)))
@@ -208,7 +237,7 @@ def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]
     return found
 
 
-@pytest.mark.parametrize("name", ["circle pf contracting", "straight pf paper"])
+@pytest.mark.parametrize("name", ["circle pf contracting", "straight pf paper", "straight tt of a hauler"])
 def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tuple[Problem, Funnel]]) -> None:
     """V̇/σ and V̈/σ at a vertex, at θ = 0, against V itself, within the remainder; the target leaves all of it out."""
     problem, funnel = case(name)
@@ -217,7 +246,8 @@ def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tu
     for motion, _ in parts_of(problem, funnel):
         whitening = np.array([[float(entry) for entry in row] for row in motion.whitening])
         for vertex in (0, len(motion.vertices) - 2):
-            u = jnp.array([float(motion.vertices[vertex][f"input:{name}"]) for name in ("u0", "w", "thrust")])
+            inputs = (v for name, v in motion.vertices[vertex].items() if name.startswith("input:"))
+            u = jnp.array(list(map(float, inputs)))
 
             def first(z: jax.Array, u: jax.Array = u) -> jax.Array:
                 return jax.jvp(value, (z,), (rate(z, u),))[1]
@@ -229,7 +259,7 @@ def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tu
             }
             for order, (enclosure, exact) in orders.items():
                 left = float(enclosure.largest_remainder) + 1e-9
-                for y in rng.normal(size=(6, 4)):
+                for y in rng.normal(size=(6, problem.dimension)):
                     y = y / np.linalg.norm(y) * rng.uniform()
                     true = float(exact(jnp.concatenate([jnp.zeros(1), jnp.asarray(whitening @ y)])))
                     assert abs(at(enclosure.polynomial, y) - true) <= left
