@@ -8,7 +8,8 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from fractions import Fraction
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import fmpq
@@ -26,8 +27,9 @@ from cfjax.check.bounds import Bounds
 from cfjax.check.descent import held_question, told_of
 from cfjax.check.document import Certificate, Claims, read_certificate
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
-from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
+from cfjax.check.held import ORDERS, HeldCell, HeldMotion, derivatives_of
 from cfjax.check.held_hints import CLAIM, DEGREES, SAMPLED
+from cfjax.check.hints import MOST_STRETCHES
 from cfjax.check.legs import Leg
 from cfjax.check.program import CellProof
 from cfjax.check.proof import Question
@@ -44,6 +46,7 @@ from cfjax.verdict import Verdict
 
 
 BAND, MOST_BANDS = 3.0, 2  # ratio of a band's speeds; each costs up to some hundred programs
+LOSS, HALVINGS = 1.1, 4  # a stretch is halved if the outer levels have that many times the bound of the inner ones
 
 
 def robustness_of(
@@ -115,17 +118,43 @@ def held_shape(states: int) -> Shape:
     return states, (DEGREES[0], DEGREES[1], DEGREES[1])
 
 
+class _Stretch(NamedTuple):
+    """Hints for a stretch of θ that begins here, and the bounds of V̈ on its ranges of levels (1/s²)."""
+
+    begin: fmpq
+    end: fmpq
+    hints: dict[str, Any]
+    bends: list[float]
+
+
 def hints_along(question: Question, legs: Sequence[Leg], ends: list[fmpq], solver: Solver) -> list[dict[str, Any]]:
     """For a funnel that changes with θ: a stretch ends at each of `ends`. Condition (d)'s own do.
+
+    What the programs leave out weighs more the more the level changes along a stretch: where the bound suffers, the
+    stretch is halved.
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
     """
-    found = []
-    for begin, end in itertools.pairwise([fmpq(0), *ends]):
-        asked = motions(question, legs, (begin, end))
-        found.append({"end": str(end), "levels": [_levels(motion, solver) for motion, _ in asked]})
-    return found
+
+    def bounded(begin: fmpq, end: fmpq) -> _Stretch:
+        levels = [_levels(motion, solver) for motion, _ in motions(question, legs, (begin, end))]
+        return _Stretch(begin, end, {"end": str(end), "levels": levels}, list(map(_bend, levels)))
+
+    found = [bounded(*span) for span in itertools.pairwise([fmpq(0), *ends])]
+    for _ in range(min(HALVINGS, MOST_STRETCHES - len(found))):
+        worst = max(range(len(found)), key=lambda index: max(found[index].bends))
+        begin, end, _, bends = found[worst]
+        if max(bends) <= LOSS * max(stretch.bends[0] for stretch in found):
+            break
+        middle = (begin + end) / 2
+        found[worst : worst + 1] = bounded(begin, middle), bounded(middle, end)
+    return [stretch.hints for stretch in found]
+
+
+def _bend(level: dict[str, Any]) -> float:
+    """The bound of V̈ on a range of levels, 1/s²."""
+    return max(-float(Fraction(cell["margin"])) for cell in level["cells"] if cell["order"] == max(ORDERS))
 
 
 def hints_within(question: Question, bounds: Bounds, solver: Solver) -> list[dict[str, Any]]:

@@ -10,14 +10,11 @@ stretch: θ is eliminated. (B is not negative.)
 
 The dynamics are affine in each input, and in the reference's turning rate and its slope, speed and acceleration one by
 one. V̇ is so too, and its largest value is at a vertex of the box of these **parameters**. V̈ is quadratic in each of
-them. Its coefficient of p_i² is a square plus a rest, rest ≥ −δ_i: with δ_i (p_i − lower)(p_i − upper) added it is
-convex in p_i, and what was added takes away at most δ_i width²/4. So V̈ is largest at a vertex, but for that much.
+them, and at most `spare` above its values at the vertices; `cfjax.check.spare` says how much that is.
 
-Where r itself changes, V̈ has one more term, ∂V̇/∂r · r'(θ) u0: it is bounded and added as well.
-
-Where r may jump at any time, as in a tube, V̇ at a reference r' that stays is looked at while the car moves beside any
-other, r: d/dt (∇V·f(x, u, r')) = 2 f(r)ᵀ C f(r') + ∇V·(∂f(r')/∂x) f(r). Turning rate and acceleration of r' are
-parameters of their own then (`asked:…`), and it is affine in each of the four.
+Where the reference may jump at any time, as in a tube, V̇ at a reference r' that stays is looked at while the car moves
+beside any other, r: d/dt (∇V·f(x, u, r')) = 2 f(r)ᵀ C f(r') + ∇V·(∂f(r')/∂x) f(r). Turning rate and acceleration of r'
+are parameters of their own then (`asked:…`), and it is affine in each of the four.
 
 Both are polynomials in the parameters whose coefficients are computed once (`cfjax.check.parametric`).
 That B is a bound at a vertex is shown by sums of squares (`cfjax.check.program`), with q_lo ≤ q ≤ q_hi as constraints.
@@ -29,7 +26,7 @@ from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
-from flint import fmpq, fmpq_mat, fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
 from cfjax.check.bounds import Range
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure
@@ -38,8 +35,7 @@ from cfjax.check.level import LevelPiece
 from cfjax.check.parametric import Combination, Parametric, Point
 from cfjax.check.program import FunnelProgram, Matrix
 from cfjax.check.rational import sqrt_upper
-from cfjax.check.reader import Broken
-from cfjax.check.symbolic import DERIVATIVES, Symbolic
+from cfjax.check.symbolic import DERIVATIVES
 
 
 ApplyFunction = Callable[[int, str, Enclosure], Enclosure]
@@ -53,30 +49,10 @@ def asked_name(name: str) -> str:
     return name.replace(REFERENCE, ASKED)
 
 
-def require_affine(dynamics: Symbolic, parameters: Mapping[str, Range]) -> None:
-    """Raises Broken unless the dynamics are affine in each parameter that varies, the functions in them free of it."""
-    varying = {name for name, (lower, upper) in parameters.items() if lower < upper}
-    indices = {index for index, name in enumerate(dynamics.names) if name in varying}
-    for function, argument in dynamics.functions.values():
-        if any(int(exponents[index]) for exponents in argument.to_dict() for index in indices):
-            raise Broken(f"vehicle: held inputs need dynamics whose {function} is of the states alone")
-    for rate in dynamics.rates:
-        if any(int(exponents[index]) > 1 for exponents in rate.to_dict() for index in indices):
-            raise Broken("vehicle: held inputs need dynamics that are affine in each input")
-
-
 def derivatives_of(graph: Graph, states: Sequence[str]) -> dict[int, str]:
-    """For each node that applies a function to what changes with the states, the function that is its derivative.
-
-    Raises:
-        Broken: it is none that the proof knows.
-    """
-    functions = graph.functions_of(states)
-    for function in functions.values():
-        if function not in DERIVATIVES:
-            known = " and ".join(DERIVATIVES)
-            raise Broken(f"vehicle: held inputs are proven where only {known} are of the states, not {function}")
-    return {node: DERIVATIVES[function][0] for node, function in functions.items()}
+    """The nodes that apply a function to what changes with the states, and whose derivative takes another function."""
+    others = {node: DERIVATIVES[function].other for node, function in graph.functions_of(states).items()}
+    return {node: other for node, other in others.items() if other}
 
 
 class HeldCell(NamedTuple):
@@ -121,10 +97,10 @@ class HeldMotion(FunnelProgram):
     """V̇ and V̈ with parameters held, on one range of levels; what is proven is −B as a margin.
 
     `parameters` is the box by the graph's names (`input:…`, `reference:…`); `spare` is what V̈/σ may be above its
-    largest value at a vertex (`Terms`).
+    largest value at a vertex (`cfjax.check.spare`).
     Of the parameter `mirrored`, where one is named, the upper end speaks for the lower one.
-    `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for its derivative
-    where that is asked for (`derivatives_of`).
+    `enclosures` has an entry for each node of the graph that applies a function, `derivatives` one for the function
+    that its derivative takes beside it (`derivatives_of`).
     """
 
     graph: Graph
@@ -194,12 +170,12 @@ class HeldMotion(FunnelProgram):
         return Parametric.parameter(self.domain, name) if lower < upper else self._exact(self.ring.constant(lower))
 
     def _apply(self, node: int, function: str, argument: Dual) -> Dual:
-        value = Parametric.free(argument.value.constant.apply(self.enclosures[node]))
+        value = argument.value.constant.apply(self.enclosures[node])
         if not argument.slopes:
-            return Dual(value, {})
-        _, sign = DERIVATIVES[function]
-        slope = Parametric.free(argument.value.constant.apply(self.derivatives[node]))
-        return Dual(value, argument.times(slope if sign > 0 else -slope))
+            return Dual(Parametric.free(value), {})
+        derivative = DERIVATIVES[function]
+        other = argument.value.constant.apply(self.derivatives[node]) if derivative.other else value
+        return Dual(Parametric.free(value), argument.times(Parametric.free(derivative.of(value, other))))
 
     @cached_property
     def moved(self) -> list[Parametric]:
@@ -309,119 +285,3 @@ class HeldMotion(FunnelProgram):
         """q − q_lo and q_hi − q; the first says nothing where q_lo is 0."""
         above = [self.form - self.piece.lower] if self.piece.lower > 0 else []
         return [*above, self.piece.upper - self.form]
-
-
-# --- what vertices of a steady reference do not see
-
-
-@dataclass(frozen=True)
-class Terms:
-    """Sizes of terms of V̇ and V̈ over one range of levels: every polynomial bounded term by term.
-
-    `parameters` as in `HeldMotion`; `slopes` bounds |dr/dθ| of the reference's, where that is looked at. With other
-    references to look at, the dynamics have to be those of a tube (`cfjax.check.structure`): what jumps multiplies u0
-    alone.
-    """
-
-    dynamics: Symbolic
-    states: tuple[str, ...]
-    parameters: Mapping[str, Range]
-    slopes: Mapping[str, fmpq]
-    shape: Matrix
-    piece: LevelPiece
-
-    @cached_property
-    def sizes(self) -> dict[str, fmpq]:
-        """Of states and parameters."""
-        inverse = fmpq_mat([list(row) for row in self.shape]).inv()
-        widths = [sqrt_upper(self.piece.upper * inverse[j, j]) for j in range(len(self.shape))]
-        values = {name: max(abs(lower), abs(upper)) for name, (lower, upper) in self.parameters.items()}
-        return dict(zip(self.states, widths, strict=True)) | values
-
-    @cached_property
-    def least(self) -> dict[str, fmpq]:
-        """Of parameters whose interval does not hold zero: how small they are at most."""
-        ends = {name: sorted(map(abs, limits)) for name, limits in self.parameters.items() if limits[0] * limits[1] > 0}
-        return {name: smallest for name, (smallest, _) in ends.items()}
-
-    def size(self, polynomial: fmpq_mpoly) -> fmpq:
-        """|polynomial| at most."""
-        return self.dynamics.size(polynomial, self.sizes, self.least)
-
-    @cached_property
-    def spare(self) -> fmpq:
-        """What V̈/σ may be above its largest value at a vertex beside a steady reference."""
-        linear = {name for asked in self.jumps for name in (asked, asked.replace(ASKED, REFERENCE))}
-        varying = {name: upper - lower for name, (lower, upper) in self.parameters.items() if name not in linear}
-        rests = (self.rest(name) * width**2 / 4 for name, width in varying.items() if width)
-        return sum(rests, self.wander)
-
-    @cached_property
-    def jumps(self) -> dict[str, fmpq]:
-        """Parameters at which V̇ is looked at, with the widths of their intervals."""
-        return {name: upper - lower for name, (lower, upper) in self.parameters.items() if name.startswith(ASKED)}
-
-    @cached_property
-    def wander(self) -> fmpq:
-        """|∂V̇/∂r · r'(θ) u0|/σ: how fast V̇ changes by the reference alone."""
-        fastest = self.parameters[TIMING][1]
-        return sum((fastest * slope * self.gain(name) for name, slope in self.slopes.items() if slope), fmpq(0))
-
-    @cached_property
-    def _gains(self) -> dict[str, fmpq]:
-        return {}
-
-    def gain(self, name: str) -> fmpq:
-        """|∂V̇/∂(parameter)|/σ."""
-        if name not in self._gains:
-            self._gains[name] = self._uphill([self.dynamics.derivative(rate, name) for rate in self.dynamics.rates])
-        return self._gains[name]
-
-    def _uphill(self, direction: Sequence[fmpq_mpoly]) -> fmpq:
-        """|∇q · direction|."""
-        gradient = (2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in range(len(self.shape)))
-        each = zip(gradient, direction, strict=True)
-        return sum((size * self.size(entry) for size, entry in each), fmpq(0))
-
-    def rest(self, name: str) -> fmpq:
-        """How negative the coefficient of the parameter's square in V̈/σ can be: ∇q·(∂b/∂x) b, b = ∂f/∂(parameter).
-
-        With V's own rate, u0² has 2 k ∇q·b as well; the squares 2 bᵀCb and k² q are left out.
-        """
-        dynamics = self.dynamics
-        b = [dynamics.derivative(rate, name) for rate in dynamics.rates]
-        if name == TIMING and self.jumps:
-            return self._rest_apart(b)
-        turned = []
-        for entry in b:
-            slopes = (dynamics.derivative(entry, state) for state in self.states)
-            terms = (dynamics.domain.product(one, two) for one, two in zip(slopes, b, strict=True))
-            turned.append(sum(terms, dynamics.domain.ring.constant(0)))
-        own = 2 * abs(self.piece.timing[1]) * self._uphill(b) if name == TIMING else fmpq(0)
-        return self._uphill(turned) + own
-
-    def _rest_apart(self, b: Sequence[fmpq_mpoly]) -> fmpq:
-        """The same of u0², where b(r) and b(r') differ: 2 b(r)ᵀC b(r') ≥ −½ (b(r) − b(r'))ᵀC (b(r) − b(r'))."""
-        dynamics, each = self.dynamics, range(len(b))
-        size = [self.size(entry) for entry in b]
-        gradient = [2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in each]
-        turned = sum(
-            (
-                gradient[i] * self.size(dynamics.derivative(b[i], state)) * size[j]
-                for i in each
-                for j, state in enumerate(self.states)
-            ),
-            fmpq(0),
-        )
-        apart = [
-            sum(
-                (
-                    width * self.size(dynamics.derivative(entry, name.replace(ASKED, REFERENCE)))
-                    for name, width in self.jumps.items()
-                ),
-                fmpq(0),
-            )
-            for entry in b
-        ]
-        square = sum((abs(self.shape[i][j]) * apart[i] * apart[j] for i in each for j in each), fmpq(0))
-        return turned + square / 2

@@ -27,18 +27,7 @@ from cfjax.check.amounts import MOST, SHARE, Rates, dot
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
 from cfjax.check.funnel import FunnelClaim
-from cfjax.check.held import (
-    ASKED,
-    ORDERS,
-    REFERENCE,
-    TIMING,
-    HeldCell,
-    HeldMotion,
-    Terms,
-    asked_name,
-    derivatives_of,
-    require_affine,
-)
+from cfjax.check.held import ASKED, ORDERS, REFERENCE, TIMING, HeldCell, HeldMotion, asked_name, derivatives_of
 from cfjax.check.held_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfjax.check.legs import Leg, different
 from cfjax.check.piece import Piece, between
@@ -47,6 +36,7 @@ from cfjax.check.program import CellProof, Gram
 from cfjax.check.proof import Question, prove_enclosures
 from cfjax.check.rational import sqrt_upper
 from cfjax.check.reader import Broken
+from cfjax.check.spare import Terms, require_affine
 from cfjax.check.structure import SPEED, SPEED_SLOPE, TURN_RATE, TURN_RATE_SLOPE, require_tube_structure
 
 

@@ -4,21 +4,34 @@ Evaluated so, a vehicle's graph can be compared with another statement of it (`c
 properties that hold whatever the numbers are (`cfjax.check.structure`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import prod
-from types import MappingProxyType
+from typing import NamedTuple
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import arb, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
+from cfjax.check.bounds import Range
 from cfjax.check.enclosure import Budget, Domain, Enclosure
 from cfjax.check.graph import Graph
-from cfjax.check.rational import sqrt_upper
+from cfjax.check.rational import sqrt_lower, sqrt_upper, upper_bound
 from cfjax.check.reader import Broken
 
 
-DERIVATIVES = {"sin": ("cos", 1), "cos": ("sin", -1)}  # of functions: another function, and its sign
+class Derivative(NamedTuple):
+    """f′(t), from f(t) and from another function of t, where it takes one."""
+
+    of: Callable[[Enclosure, Enclosure], Enclosure]
+    other: str = ""
+
+
+DERIVATIVES = {
+    "sin": Derivative(lambda _, cos: cos, "cos"),
+    "cos": Derivative(lambda _, sin: -sin, "sin"),
+    "tan": Derivative(lambda tan, _: tan * tan + tan.domain.constant(fmpq(1))),
+    "inv": Derivative(lambda inv, _: -(inv * inv)),
+    "sqrt": Derivative(lambda sqrt, inv: sqrt * inv * inv.domain.constant(fmpq(1, 2)), "inv"),
+}
 STRUCTURE_EFFORT = 8_000_000  # in products of coefficients, as a proof's: to look at dynamics takes far less
 REFERENCE = ("turn_rate", "speed", "turn_rate_slope", "speed_slope")
 
@@ -58,11 +71,7 @@ class Symbolic:
         return any(int(exponents[index]) for polynomial in looked_at for exponents in polynomial.to_dict())
 
     def derivative(self, polynomial: fmpq_mpoly, name: str) -> fmpq_mpoly:
-        """∂/∂(a state, input or reference), through the functions sin and cos.
-
-        Raises:
-            ValueError: another function depends on it, or a derivative that no symbol stands for is needed.
-        """
+        """∂/∂(a state, input or reference), through the functions."""
         slopes = self._slopes.setdefault(name, {})
         for index in self._functions_in(polynomial):
             if index not in slopes:
@@ -98,12 +107,10 @@ class Symbolic:
         inner = self._through(argument, name)
         if not len(inner):
             return inner
-        other, sign = DERIVATIVES.get(function, (None, 0))
-        symbol = next((k for k, value in self.functions.items() if value == (other, argument)), None)
-        if symbol is None:
-            raise ValueError(f"the dynamics apply {function}, but not its derivative to the same argument")
-        slope = self.domain.product(inner, self.domain.ring.gens()[symbol])
-        return slope if sign > 0 else self.domain.negative(slope)
+        derivative, generators = DERIVATIVES[function], self.domain.ring.gens()
+        others = (k for k, value in self.functions.items() if value == (derivative.other, argument))
+        value, other = (self.domain.exact(generators[k]) for k in (index, next(others, index)))
+        return self.domain.product(inner, derivative.of(value, other).polynomial)
 
     def _through(self, polynomial: fmpq_mpoly, name: str) -> fmpq_mpoly:
         """∂polynomial/∂name by the slopes of the functions in it, which are known."""
@@ -114,67 +121,107 @@ class Symbolic:
                 total = self.domain.sum(total, self.domain.product(polynomial.derivative(index), slope))
         return total
 
-    def size(
-        self, polynomial: fmpq_mpoly, sizes: Mapping[str, fmpq], least: Mapping[str, fmpq] = MappingProxyType({})
-    ) -> fmpq:
-        """A rational that is at least |polynomial| where every named quantity is at most its size.
-
-        |sin| and |cos| are at most 1, a square root is at most that of its argument's size; one over a product of
-        quantities is bounded where there is a number above zero for each of them in `least`, below which it never is.
+    def size(self, polynomial: fmpq_mpoly, ranges: Mapping[str, Range]) -> fmpq:
+        """A rational that is at least |polynomial| where every named quantity is in its range: term by term.
 
         Raises:
-            ValueError: the polynomial has another function in it.
+            ValueError: it divides by what cannot be told from zero, or a tangent's argument reaches a right angle.
         """
         self.domain.budget.spend(16 * len(polynomial))
         total = fmpq(0)
-        for exponents, coefficient in polynomial.to_dict().items():
-            term = abs(fmpq(coefficient))
-            for index, power in enumerate(map(int, exponents)):
-                if not power:
-                    continue
-                if index < len(self.names):
-                    term *= sizes[self.names[index]] ** power
-                else:
-                    term = term * self._largest(index, sizes, least) ** power if term else term
+        for powers, coefficient in _terms(polynomial):
+            term = abs(coefficient)
+            for index, power in powers:
+                term = term * self._largest(index, ranges) ** power if term else term
             total += term
         return total
 
-    def _largest(self, index: int, sizes: Mapping[str, fmpq], least: Mapping[str, fmpq]) -> fmpq:
-        """A rational that is at least the size of the function with this index."""
-        function, argument = self.functions[index]
+    def _largest(self, index: int, ranges: Mapping[str, Range]) -> fmpq:
+        """A rational that is at least the size of a generator."""
+        function, argument = self.functions.get(index, ("", None))
+        if argument is None:
+            return max(map(abs, ranges[self.names[index]]))
+        if function in ("sin", "cos"):
+            return fmpq(1)
         if function == "sqrt":
-            return sqrt_upper(self.size(argument, sizes, least))
-        if function == "inv" and len(argument) == 1:
-            ((exponents, coefficient),) = argument.to_dict().items()
-            powers = {index: power for index, power in enumerate(map(int, exponents)) if power}
-            if all(index < len(self.names) and least.get(self.names[index], 0) > 0 for index in powers):
-                factors = (least[self.names[index]] ** power for index, power in powers.items())
-                return 1 / prod(factors, start=abs(fmpq(coefficient)))
-        if function not in DERIVATIVES:
-            raise ValueError(f"no bound is known of {function}")
-        return fmpq(1)
+            return sqrt_upper(self.size(argument, ranges))
+        if function == "tan" and 2 * arb(widest := self.size(argument, ranges)) < arb.pi():
+            return upper_bound(arb(widest).tan())
+        if function == "inv":
+            lower, upper = self._range(argument, ranges)
+            if lower > 0 or upper < 0:
+                return 1 / min(abs(lower), abs(upper))
+        raise ValueError(f"no bound is known of {function}")
+
+    def _range(self, polynomial: fmpq_mpoly, ranges: Mapping[str, Range]) -> Range:
+        """Rationals between which the polynomial is."""
+        self.domain.budget.spend(64 * len(polynomial))
+        total = fmpq(0), fmpq(0)
+        for powers, coefficient in _terms(polynomial):
+            term = coefficient, coefficient
+            for index, power in powers:
+                term = _product(term, _power(self._range_of(index, ranges), power))
+            total = total[0] + term[0], total[1] + term[1]
+        return total
+
+    def _range_of(self, index: int, ranges: Mapping[str, Range]) -> Range:
+        """Rationals between which a generator is."""
+        if index < len(self.names):
+            return ranges[self.names[index]]
+        function, argument = self.functions[index]
+        largest = self._largest(index, ranges)
+        if function not in ("sqrt", "inv"):
+            return -largest, largest
+        lower, upper = self._range(argument, ranges)
+        if function == "inv":
+            return 1 / upper, 1 / lower
+        return sqrt_lower(max(lower, fmpq(0))), largest
+
+
+def _terms(polynomial: fmpq_mpoly) -> Iterator[tuple[list[tuple[int, int]], fmpq]]:
+    """The generators of each term, with their powers, and its coefficient."""
+    for exponents, coefficient in polynomial.to_dict().items():
+        yield [(index, power) for index, power in enumerate(map(int, exponents)) if power], fmpq(coefficient)
+
+
+def _product(first: Range, second: Range) -> Range:
+    ends = [one * other for one in first for other in second]
+    return min(ends), max(ends)
+
+
+def _power(values: Range, power: int) -> Range:
+    lower, upper = values
+    ends = sorted((lower**power, upper**power))
+    return (fmpq(0) if lower < 0 < upper and power % 2 == 0 else ends[0]), ends[1]
 
 
 def symbolic(graph: Graph, states: tuple[str, ...], inputs: tuple[str, ...]) -> Symbolic:
     """The graph in polynomials, exactly; functions of equal arguments are one symbol.
 
+    There are symbols for all functions that are in derivatives too.
+
     Raises:
         ValueError: where a polynomial grows beyond what the checker takes, or a name is unknown.
     """
     names = (*states, *(f"input:{label}" for label in inputs), *(f"reference:{label}" for label in REFERENCE))
-    ring = fmpq_mpoly_ctx.get([f"z{k}" for k in range(len(names) + len(graph.functions()))], "degrevlex")
+    ring = fmpq_mpoly_ctx.get([f"z{k}" for k in range(len(names) + 2 * len(graph.functions()))], "degrevlex")
     domain = Domain(ring, fmpq(1), Budget(STRUCTURE_EFFORT))  # every polynomial here is exact: the ball bounds nothing
     generators = ring.gens()
     functions: dict[int, tuple[str, fmpq_mpoly]] = {}
 
+    def symbol(function: str, argument: fmpq_mpoly) -> fmpq_mpoly:
+        for index, known in functions.items():
+            if known == (function, argument):
+                return generators[index]
+        functions[len(names) + len(functions)] = function, argument
+        return generators[len(names) + len(functions) - 1]
+
     def apply(_: int, function: str, argument: Enclosure) -> Enclosure:
-        for index, (name, value) in functions.items():
-            if name == function and value == argument.polynomial:
-                return domain.exact(generators[index])
-        index = len(names) + len(functions)
-        functions[index] = (function, argument.polynomial)
-        return domain.exact(generators[index])
+        return domain.exact(symbol(function, argument.polynomial))
 
     values = {label: domain.exact(generator) for label, generator in zip(names, generators, strict=False)}
     rates = tuple(value.polynomial for value in graph.evaluate(values, domain.constant, apply))
+    for function, argument in list(functions.values()):
+        if other := DERIVATIVES[function].other:
+            symbol(other, argument)
     return Symbolic(domain, names, functions, rates)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+import cfjax.certificate.robustness as hints_of
 from cfjax.certificate import certify
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.fit import enclose
@@ -25,7 +26,7 @@ from cfjax.check import Outcome, check_document
 from cfjax.check.amounts import Absorbed, Rates, Robustness, kept_level
 from cfjax.check.document import document_hash
 from cfjax.check.enclosure import Budget, Enclosure
-from cfjax.check.held import HeldCell, HeldMotion, Terms, derivatives_of
+from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
 from cfjax.check.held_hints import read_stretch
 from cfjax.check.hints import Room
 from cfjax.check.legs import Leg
@@ -36,6 +37,7 @@ from cfjax.check.rational import dyadic, rational
 from cfjax.check.reader import Item
 from cfjax.check.replay import check_robustness
 from cfjax.check.robustness import motions, rates_along
+from cfjax.check.spare import Terms
 from cfjax.control import LAWS
 from cfjax.control.law import LAW_SHARE, law_numbers
 from cfjax.errors import InputError
@@ -43,6 +45,7 @@ from cfjax.falsifier import first_escape
 from cfjax.funnel import Funnel, template_named
 from cfjax.options import Options
 from cfjax.problem import (
+    Ellipsoid,
     KinematicBicycle,
     Method,
     Path,
@@ -52,11 +55,14 @@ from cfjax.problem import (
     ReferencePoint,
     Segment,
     ball,
+    circle,
     deviation_rate,
+    straight,
 )
 from cfjax.question import check_question
 from cfjax.solver import solver_named
-from tests.check.vehicles import Cart
+from experiments.vehicles.dynamic_single_track import DynamicSingleTrack
+from tests.check.vehicles import Cart, Hauler
 
 
 DURATION, SAMPLES = 2.0, 20_000
@@ -68,11 +74,27 @@ BEND = np.array(
         [0.207919, -0.119166, -0.218095, 1.13316],
     ]
 )
+# of a car with tyres on a circle, and of a unicycle whose acceleration is power over speed: as learned
+TYRES = np.array(
+    [
+        [9.442494, -7.553569, -0.179041, 0.829095, 0.839306, 0.390784],
+        [-7.553569, 20.971017, 0.410439, -0.910035, -1.362557, -0.354084],
+        [-0.179041, 0.410439, 23.438004, 5.158669, -0.711917, 0.148818],
+        [0.829095, -0.910035, 5.158669, 2.625442, 0.165828, 0.070059],
+        [0.839306, -1.362557, -0.711917, 0.165828, 5.155515, -0.314263],
+        [0.390784, -0.354084, 0.148818, 0.070059, -0.314263, 0.15516],
+    ]
+)
+POWER = np.array([[9.14, -8.67, 0, 0], [-8.67, 19.5, 0, 0], [0, 0, 22.1, 7.24], [0, 0, 7.24, 6.9]])
+# with the share of a bound that samples reach at least. Along a bend bounds hold for every reference between the
+# extreme ones at every level, which is more than is there; in six states samples meet few of the worst deviations
 CASES = (
-    ("circle pf contracting", 1),
-    ("straight pf paper", 1),
-    ("bend tt contracting", 1),
-    ("bend tt of a cart", 2),
+    ("circle pf contracting", 1, 0.85),
+    ("straight pf paper", 1, 0.85),
+    ("bend tt contracting", 1, 0.6),
+    ("bend tt of a cart", 2, 0.6),
+    ("straight tt of a hauler", 1, 0.85),
+    pytest.param("circle tt of tyres", 1, 0.6, marks=pytest.mark.slow),
 )
 
 
@@ -84,6 +106,16 @@ def case(candidate: Callable[..., tuple[Problem, Funnel]]) -> Callable[[str], tu
     """
 
     def make(name: str) -> tuple[Problem, Funnel]:
+        if name == "circle tt of tyres":
+            sets = {"inlet": Ellipsoid((0.2, 0.2, 0.2, 0.2, 0.1, 0.5)), "goal": Ellipsoid((0.5,) * 5 + (2.0,))}
+            problem = Problem(circle(), vehicle=DynamicSingleTrack(), method=Method.TT, **sets)
+            return problem, Funnel(template_named("contracting"), TYRES, 0.19, problem.path.segments[0].duration)
+        if name == "straight tt of a hauler":
+            problem = Problem(straight(), vehicle=Hauler(), method=Method.TT, inlet=ball(0.2), goal=ball(0.5))
+            return problem, Funnel(template_named("paper"), POWER, 0.0, problem.path.segments[0].duration)
+        if name == "straight pf of a hauler":
+            problem = Problem(straight(), vehicle=Hauler(), inlet=ball(0.2), goal=ball(0.5))
+            return problem, Funnel(template_named("contracting"), POWER, 0.05, problem.path.segments[0].duration)
         if not name.startswith("bend"):
             return candidate(*name.split())
         turn = Profile((0.0, DURATION), ((0.0, 0.0, 2.0, -2.0, 0.5),))
@@ -160,8 +192,10 @@ def inputs_of(problem: Problem, count: int) -> np.ndarray:
     return np.where((np.arange(count) % 4 == 0)[:, None], between, corners[rng.integers(len(corners), size=count)])
 
 
-@pytest.mark.parametrize(("name", "cuts"), CASES)
-def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], tuple[Problem, Funnel]]) -> None:
+@pytest.mark.parametrize(("name", "cuts", "close"), CASES)
+def test_bounds_hold_and_are_close(
+    name: str, cuts: int, close: float, case: Callable[[str], tuple[Problem, Funnel]]
+) -> None:
     problem, funnel = case(name)
     bounds = rates_of(problem, funnel, cuts)
     value, rate = motion_of(problem, funnel)
@@ -180,8 +214,6 @@ def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], t
         return first(z, u), along(z, u, u), along(z, u, other), jax.grad(first)(z, u)[1:], jax.grad(value)(z)[1:]
 
     rise, bend, stale, slopes, gradient = (np.asarray(found) for found in all_of(z, u, other))
-    # along a bend they hold for every reference between the extreme ones at every level, which is more than is there
-    close = 0.85 if problem.path.segments[0].is_steady else 0.6
     assert close * float(bounds.rise) < rise.max() <= float(bounds.rise)
     assert close * float(bounds.bend) < bend.max() <= float(bounds.bend)
     assert np.abs(stale).max() <= float(bounds.staleness)
@@ -190,7 +222,7 @@ def test_bounds_hold_and_are_close(name: str, cuts: int, case: Callable[[str], t
 
 
 def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]:
-    """What is bounded over the whole of a steady segment, with enclosures of sine and cosine."""
+    """What is bounded over the whole of a steady segment, with enclosures of functions."""
     question, leg = asked(problem, funnel)
     slopes = derivatives_of(question.model.vehicle.graph, question.model.vehicle.states)
     found = []
@@ -198,7 +230,9 @@ def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]
         hints: tuple[dict, dict] = {}, {}
 
         def fit(node: int, function: str, argument: Enclosure, hints: tuple[dict, dict] = hints) -> Enclosure:
-            hints[0][node], hints[1][node] = enclose(function, argument), enclose(slopes[node], argument)
+            hints[0][node] = enclose(function, argument)
+            if node in slopes:
+                hints[1][node] = enclose(slopes[node], argument)
             return argument.apply(hints[0][node])
 
         motion = replace(motion, whitening=round_whitening(funnel.shape / float(motion.peak)))
@@ -207,7 +241,7 @@ def parts_of(problem: Problem, funnel: Funnel) -> list[tuple[HeldMotion, Terms]]
     return found
 
 
-@pytest.mark.parametrize("name", ["circle pf contracting", "straight pf paper"])
+@pytest.mark.parametrize("name", ["circle pf contracting", "straight pf paper", "straight tt of a hauler"])
 def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tuple[Problem, Funnel]]) -> None:
     """V̇/σ and V̈/σ at a vertex, at θ = 0, against V itself, within the remainder; the target leaves all of it out."""
     problem, funnel = case(name)
@@ -216,7 +250,8 @@ def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tu
     for motion, _ in parts_of(problem, funnel):
         whitening = np.array([[float(entry) for entry in row] for row in motion.whitening])
         for vertex in (0, len(motion.vertices) - 2):
-            u = jnp.array([float(motion.vertices[vertex][f"input:{name}"]) for name in ("u0", "w", "thrust")])
+            inputs = (v for name, v in motion.vertices[vertex].items() if name.startswith("input:"))
+            u = jnp.array(list(map(float, inputs)))
 
             def first(z: jax.Array, u: jax.Array = u) -> jax.Array:
                 return jax.jvp(value, (z,), (rate(z, u),))[1]
@@ -228,7 +263,7 @@ def test_polynomials_are_what_they_stand_for(name: str, case: Callable[[str], tu
             }
             for order, (enclosure, exact) in orders.items():
                 left = float(enclosure.largest_remainder) + 1e-9
-                for y in rng.normal(size=(6, 4)):
+                for y in rng.normal(size=(6, problem.dimension)):
                     y = y / np.linalg.norm(y) * rng.uniform()
                     true = float(exact(jnp.concatenate([jnp.zeros(1), jnp.asarray(whitening @ y)])))
                     assert abs(at(enclosure.polynomial, y) - true) <= left
@@ -246,9 +281,14 @@ def at(polynomial: Any, y: np.ndarray) -> float:
     return sum(float(c) * math.prod(v ** int(e) for v, e in zip(y, exponents, strict=True)) for exponents, c in terms)
 
 
-def test_what_vertices_do_not_see_is_made_up_for(case: Callable[[str], tuple[Problem, Funnel]]) -> None:
-    """Of an input's square in V̈/σ, less the squares in it: never below the bound; of u0 it is negative."""
-    problem, funnel = case("circle pf contracting")
+@pytest.mark.parametrize(
+    ("name", "unseen"), [("circle pf contracting", {"u0"}), ("straight pf of a hauler", {"u0", "power"})]
+)
+def test_what_vertices_do_not_see_is_made_up_for(
+    name: str, unseen: set[str], case: Callable[[str], tuple[Problem, Funnel]]
+) -> None:
+    """Of an input's square in V̈/σ, less the squares in it: never below the bound; of some inputs it is negative."""
+    problem, funnel = case(name)
     value, rate = motion_of(problem, funnel)
     shape = jnp.asarray(funnel.shape)
     z = jnp.asarray(states_inside(problem, funnel, 4000)).at[:, 0].set(0.0)
@@ -258,7 +298,7 @@ def test_what_vertices_do_not_see_is_made_up_for(case: Callable[[str], tuple[Pro
         return along_motion(lambda at: jax.jvp(value, (at,), (rate(at, u),))[1], rate, u)(z)
 
     _, terms = parts_of(problem, funnel)[-1]  # the outer range of levels holds every q up to 1
-    for index, name in enumerate(("u0", "w", "thrust")):
+    for index, label in enumerate(("u0", *problem.vehicle.input_names)):
         step = jnp.zeros(3).at[index].set(1.0)
 
         @jax.jit
@@ -269,9 +309,9 @@ def test_what_vertices_do_not_see_is_made_up_for(case: Callable[[str], tuple[Pro
             own = funnel.rate**2 * value(z) if index == 0 else 0.0
             return square - 2 * b @ shape @ b - own
 
-        least, bound = float(remaining(z).min()), float(terms.rest(f"input:{name}"))
+        least, bound = float(remaining(z).min()), float(terms.rest(f"input:{label}"))
         assert least >= -bound - 1e-9
-        assert (least < -0.3 * bound and bound > 1) if name == "u0" else bound == 0
+        assert (least < -0.1 * bound and bound > 1) if label in unseen else bound == 0
 
 
 def hold(
@@ -319,6 +359,41 @@ def test_no_input_that_a_law_may_take_can_be_held_so_long_that_v_leaves(absorbed
     escape = first_escape(problem, segment, funnel, LAW_SHARE * margin, 8 * period, trials=2**15)
     assert period <= escape < 1.2 * period
     assert first_escape(problem, segment, funnel, LAW_SHARE * margin, period, trials=2**15) == math.inf
+
+
+def test_a_rate_that_divides_by_a_state_has_a_period_close_to_the_first_escape(
+    case: Callable[[str], tuple[Problem, Funnel]],
+) -> None:
+    problem, funnel = case("straight pf of a hauler")
+    found = certify(problem, [funnel])
+    assert found.document is not None and found.margins is not None
+    report = check_robustness(check_document(found.document), found.document, robustness_document(found.document))
+    assert report.robustness is not None, report.message
+    period, decrease = float(report.robustness.alone.period), LAW_SHARE * found.margins[0]
+    escape = first_escape(problem, problem.path.segments[0], found.funnels[0], decrease, 8 * period, trials=2**15)
+    assert period < escape < 1.2 * period
+
+
+def test_a_stretch_is_halved_where_its_outer_levels_have_a_far_larger_bound(
+    case: Callable[[str], tuple[Problem, Funnel]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a bound 100 e on the inner levels of a stretch from b to e, on the outer ones 1 + (e − b)/2 times that."""
+
+    def levels(asked: tuple[fmpq, fmpq, bool], _: object) -> dict:
+        begin, end, is_outer = asked
+        bend = 100 * end * (1 + (end - begin) / 2 if is_outer else 1)
+        return {"cells": [{"order": 1, "margin": "-1000"}, {"order": 2, "margin": str(-bend)}]}
+
+    monkeypatch.setattr(hints_of, "motions", lambda _, __, span: [((*span, False), None), ((*span, True), None)])
+    monkeypatch.setattr(hints_of, "_levels", levels)
+    (question, leg), solver = asked(*case("straight pf paper")), solver_named("batched")
+    for ends, expected in (
+        (["1", "2"], ["1", "3/2", "7/4", "15/8", "2"]),  # 300, 250, 225, at last 212.5 where 200 are the least
+        (["1/10"], ["1/10"]),
+        ([str(k) for k in range(1, hints_of.MOST_STRETCHES + 1)],) * 2,  # no file has more
+    ):
+        found = hints_of.hints_along(question, [leg], [rational(end) for end in ends], solver)
+        assert [stretch["end"] for stretch in found] == expected
 
 
 def attack(absorbed: Any, amounts: Absorbed, kept: fmpq, seed: int = 0) -> float:

@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from flint import fmpq
+from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.graph import Graph, Node
+from cfjax.check.graph import UNARY_FUNCTIONS, Graph, Node
 from cfjax.check.symbolic import Symbolic, symbolic
 
 
@@ -28,39 +28,59 @@ def nested() -> Symbolic:
     return symbolic(Graph(tuple(nodes), (11,)), ("x",), ())
 
 
+FUNCTIONS = {"sin": math.sin, "cos": math.cos, "tan": math.tan, "sqrt": math.sqrt, "inv": lambda t: 1 / t}
+
+
+def value_of(dynamics: Symbolic, polynomial: fmpq_mpoly, named: dict[str, float]) -> float:
+    """In floating point, functions being what they are called."""
+    values = [named.get(name, 0.0) for name in dynamics.names]
+
+    def evaluate(each: fmpq_mpoly) -> float:
+        terms = each.to_dict().items()
+        return sum(
+            float(c) * math.prod(v ** int(e) for v, e in zip(values, exponents, strict=False)) for exponents, c in terms
+        )
+
+    for function, argument in dynamics.functions.values():
+        values.append(FUNCTIONS[function](evaluate(argument)))
+    return evaluate(polynomial)
+
+
 def test_derivative_through_a_function_of_a_function() -> None:
     dynamics = nested()
     found = dynamics.derivative(dynamics.rates[0], "x")
     for x in (-1.3, 0.2, 0.9):
         inner = math.sin(x) + x * x
-        at = {"x": x}
-        values = [at.get(name, 0.0) for name in dynamics.names]
-        for function, argument in dynamics.functions.values():
-            value = sum(
-                float(c) * math.prod(v ** int(e) for v, e in zip(values, exponents, strict=False))
-                for exponents, c in argument.to_dict().items()
-            )
-            values.append({"sin": math.sin, "cos": math.cos}[function](value))
-        slope = sum(
-            float(c) * math.prod(v ** int(e) for v, e in zip(values, exponents, strict=True))
-            for exponents, c in found.to_dict().items()
-        )
+        slope = value_of(dynamics, found, {"x": x})
         assert slope == pytest.approx(math.sin(inner) + x * math.cos(inner) * (math.cos(x) + 2 * x))
+
+
+@pytest.mark.parametrize("function", UNARY_FUNCTIONS)
+def test_every_function_of_a_graph_has_a_derivative(function: str) -> None:
+    """x f(2 + x²), where its derivative may take a function that the graph does not apply; and once more of that."""
+    nodes = (
+        Node("input", name="x"),
+        Node("mul", (0, 0)),
+        Node("constant", value=fmpq(2)),
+        Node("add", (1, 2)),
+        Node(function, (3,)),
+        Node("mul", (0, 4)),
+    )
+    dynamics = symbolic(Graph(nodes, (5,)), ("x",), ())
+    each = [dynamics.rates[0]]
+    for order in (1, 2):
+        each.append(dynamics.derivative(each[-1], "x"))
+        for x in (-0.7, 0.3, 1.1):
+            step = 1e-6
+            low, high = (value_of(dynamics, each[order - 1], {"x": x + side * step}) for side in (-1, 1))
+            assert value_of(dynamics, each[order], {"x": x}) == pytest.approx((high - low) / (2 * step), rel=1e-7)
 
 
 def test_size_is_at_least_the_value() -> None:
     dynamics = nested()
-    assert dynamics.size(dynamics.rates[0], {"x": fmpq(2)}) == 2
+    assert dynamics.size(dynamics.rates[0], {"x": (fmpq(-2), fmpq(2))}) == 2
     slope = dynamics.derivative(dynamics.rates[0], "x")
-    assert float(dynamics.size(slope, {"x": fmpq(2)})) >= 1 + 2 * (1 + 4)
-
-
-def test_a_derivative_without_a_symbol_is_refused() -> None:
-    nodes = (Node("input", name="x"), Node("sin", (0,)), Node("sin", (1,)))
-    dynamics = symbolic(Graph(nodes, (2,)), ("x",), ())
-    with pytest.raises(ValueError, match="not its derivative"):
-        dynamics.derivative(dynamics.rates[0], "x")
-    assert not dynamics.derivative(dynamics.domain.ring.constant(0), "x")  # none is needed
+    assert float(dynamics.size(slope, {"x": (fmpq(-2), fmpq(2))})) >= 1 + 2 * (1 + 4)
 
 
 def test_functions_nested_deeply_cost_no_more_with_every_level_than_with_the_last() -> None:
@@ -87,11 +107,47 @@ def test_one_over_a_product_is_bounded_where_its_factors_are_from_below() -> Non
         Node("mul", (0, 5)),
     )
     dynamics = symbolic(Graph(nodes, (6,)), ("x",), ("u0",))
-    sizes, least = {"x": fmpq(5), "reference:speed": fmpq(4)}, {"reference:speed": fmpq(2)}
-    assert dynamics.size(dynamics.rates[0], sizes, least) == fmpq(5, 12)  # |x / (-3 v^2)| for 2 <= v <= 4
-    for unknown in ({}, {"reference:speed": fmpq(0)}, {"x": fmpq(1)}):
+    ranges = {"x": (fmpq(-5), fmpq(5)), "reference:speed": (fmpq(2), fmpq(4))}
+    assert dynamics.size(dynamics.rates[0], ranges) == fmpq(5, 12)  # |x / (-3 v^2)| for 2 <= v <= 4
+    for lower in (fmpq(0), fmpq(-1)):
         with pytest.raises(ValueError, match="no bound is known of inv"):
-            dynamics.size(dynamics.rates[0], sizes, unknown)
+            dynamics.size(dynamics.rates[0], ranges | {"reference:speed": (lower, fmpq(4))})
+
+
+def test_one_over_a_sum_is_bounded_where_its_range_is_clear_of_zero() -> None:
+    """1/(√(v² + 4) + x) and its inverse for −3/2 ≤ v ≤ 1, |x| ≤ ½: from 2 − ½ to 5/2 + ½ is below the line."""
+    nodes = (
+        Node("input", name="x"),
+        Node("input", name="reference:speed"),
+        Node("mul", (1, 1)),
+        Node("constant", value=fmpq(4)),
+        Node("add", (2, 3)),
+        Node("sqrt", (4,)),
+        Node("add", (5, 0)),
+        Node("inv", (6,)),
+        Node("inv", (7,)),
+        Node("add", (7, 0)),
+        Node("inv", (9,)),
+    )
+    dynamics = symbolic(Graph(nodes, (7, 8, 10)), ("x",), ("u0",))
+    over, under, last = dynamics.rates
+    ranges = {"x": (fmpq(-1, 2), fmpq(1, 2)), "reference:speed": (fmpq(-3, 2), fmpq(1))}
+    assert dynamics.size(over, ranges) == fmpq(2, 3)
+    assert dynamics.size(under, ranges) == 3
+    assert dynamics.size(over, ranges | {"x": (fmpq(-7), fmpq(-5))}) == fmpq(2, 5)
+    assert dynamics.size(last, ranges | {"x": (fmpq(1, 2), fmpq(1))}) == 1 / (fmpq(2, 7) + fmpq(1, 2))
+    with pytest.raises(ValueError, match="no bound is known of inv"):
+        dynamics.size(last, ranges)  # from 1/3 − ½ to 2/3 + ½
+    with pytest.raises(ValueError, match="no bound is known of inv"):
+        dynamics.size(over, ranges | {"x": (fmpq(-2), fmpq(1, 2))})
+
+
+def test_a_tangent_is_bounded_short_of_a_right_angle() -> None:
+    dynamics = symbolic(Graph((Node("input", name="x"), Node("tan", (0,))), (1,)), ("x",), ())
+    bound = dynamics.size(dynamics.rates[0], {"x": (fmpq(-3, 2), fmpq(1))})
+    assert math.tan(1.5) <= float(bound) <= math.tan(1.5) + 1e-9
+    with pytest.raises(ValueError, match="no bound is known of tan"):
+        dynamics.size(dynamics.rates[0], {"x": (fmpq(-8, 5), fmpq(0))})
 
 
 def test_a_square_root_is_at_most_that_of_its_arguments_size() -> None:
@@ -109,11 +165,13 @@ def test_a_square_root_is_at_most_that_of_its_arguments_size() -> None:
         Node("mul", (8, 5)),
     ]
     dynamics = symbolic(Graph(tuple(nodes), (7, 9)), ("x",), ())
-    bound = dynamics.size(dynamics.rates[0], {"x": fmpq(2)})
+    bound = dynamics.size(dynamics.rates[0], {"x": (fmpq(-2), fmpq(2))})
     assert 3 * math.sqrt(10) <= float(bound) <= 3 * math.sqrt(10) + 1e-9
     with pytest.raises(ValueError, match="no bound is known of inv"):
-        dynamics.size(dynamics.rates[1], {"x": fmpq(2)})
-    assert dynamics.size(dynamics.rates[1] * dynamics.symbols["x"], {"x": fmpq(0)}) == 0  # nothing times anything
+        dynamics.size(dynamics.rates[1], {"x": (fmpq(-2), fmpq(2))})
+    assert (
+        dynamics.size(dynamics.rates[1] * dynamics.symbols["x"], {"x": (fmpq(0), fmpq(0))}) == 0
+    )  # nothing times anything
 
 
 def test_functions_of_some_of_the_inputs() -> None:
