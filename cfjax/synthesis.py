@@ -27,7 +27,7 @@ from cfjax.problem import Path, Problem, Vehicle
 from cfjax.progress import watched
 from cfjax.question import check_question, doubts
 from cfjax.result import Result, SegmentResult, WorstPlace
-from cfjax.simulation import drive_cars, drive_tube_cars
+from cfjax.simulation import drive_cars
 from cfjax.solver.program import Shape
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
 from cfjax.verdict import Verdict
@@ -211,22 +211,13 @@ def drive(result: Result, options: Options = Options(), progress: Progress | Non
         before = clock.spent("simulate")
         try:
             with clock.stage("simulate"):
-                result = _driven(result, options)
+                loop, cars = drive_cars(result.problem, result.legs, cars=options.cars, seed=options.seed)
+                result = result.replace(closed_loop=loop, rollouts=(cars,))
         except Exception as error:
             print(f"warning: the cars were not driven ({_reason(error)}); the proof stands", file=sys.stderr)
         spent = clock.spent("simulate")
     total = result.seconds.get("total", 0.0) + spent - before
     return result.replace(seconds={**result.seconds, "simulate": spent, "total": total})
-
-
-def _driven(result: Result, options: Options) -> Result:
-    if result.problem.path.tube:
-        (found,) = result.segments
-        margins = found.margin_certified or 0.0, found.margin_per_metre or 0.0
-        loop, cars = drive_tube_cars(result.problem, found.funnel, *margins, cars=options.cars, seed=options.seed)
-    else:
-        loop, cars = drive_cars(result.problem, result.legs, cars=options.cars, seed=options.seed)
-    return result.replace(closed_loop=loop, rollouts=(cars,))
 
 
 @dataclass
@@ -359,7 +350,7 @@ class _Search:
                 points = self._worst(kind, funnel)
                 places += points
                 worst = next(point for point in points if point.condition == "d")
-                counterexamples.append(Counterexample(kind, worst.theta, worst.x))
+                counterexamples.append(Counterexample(kind, worst.theta or 0.0, worst.x))
                 results.append(SegmentResult(funnel, worst.slack))
             # rounding changes no digit that counts: what the learner's search has found holds too
             least = min(range(len(results)), key=lambda kind: results[kind].margin_falsified)
@@ -385,9 +376,11 @@ class _Search:
 
     def _worst(self, kind: int, funnel: Funnel) -> list[WorstPlace]:
         """The falsifier's points against a funnel of a distinct segment, at the first such segment of the path."""
-        points = falsify(self.problem, self.problem.path.distinct[kind], funnel, seed=self.options.seed)
-        first = self.problem.path.kinds.index(kind)
-        return [WorstPlace(first, point.condition, point.slack, point.theta, point.x) for point in points]
+        segment, first = self.problem.path.distinct[kind], self.problem.path.kinds.index(kind)
+        return [
+            WorstPlace(first, point.condition, point.slack, point.theta if segment.last_theta else None, point.x)
+            for point in falsify(self.problem, segment, funnel, seed=self.options.seed)
+        ]
 
     def _along(self, results: Sequence[SegmentResult]) -> tuple[SegmentResult, ...]:
         """Those of the distinct segments, segment by segment of the path."""

@@ -120,7 +120,7 @@ def _without_nan(margins: Float[np.ndarray, "r f k"]) -> Float[np.ndarray, "r f 
 def require_question(problem: Problem, segment: Segment | Tube, funnel: Funnel) -> None:
     """Raises InputError unless the segment is one of the problem's path, and the funnel is of its states."""
     objects(problem=(problem, Problem), funnel=(funnel, Funnel))
-    if not isinstance(segment, Segment | Tube) or segment not in problem.path.distinct:
+    if not any(segment is own or segment == own for own in problem.path.distinct):
         refuse("segment", "one of problem.path.distinct", segment)
     require_fit(problem, [funnel])
 
@@ -147,7 +147,7 @@ def falsify(
     here = instance_of(problem, segment, funnel.template, funnel.beta_lower, funnel.beta_inner)
     inverse = np.linalg.inv(funnel.shape)
     inlet, goal = np.array(problem.inlet.half_axes), np.array(problem.goal_axes)
-    end, last = funnel.end_level, 0.0 if isinstance(segment, Tube) else segment.duration
+    end, last = funnel.end_level, segment.last_theta
     widest_at = 0.0 if end <= 1 else last
     points: list[WorstPoint] = []
 

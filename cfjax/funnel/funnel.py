@@ -72,7 +72,7 @@ class Funnel:
     @property
     def end_level(self) -> float:
         """ρ(T)."""
-        return 1.0 if np.isinf(self.duration) else float(self.level(self.duration))
+        return float(self.level(self.duration)) if self.rate else 1.0
 
     def form(self, x: Float[np.ndarray, "*batch n"]) -> Float[np.ndarray, "*batch"]:
         """q = xᵀ C x."""

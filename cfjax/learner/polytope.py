@@ -118,8 +118,7 @@ def learn_polytope(
 
 def _chain(problem: Problem, template: Template, beta_lower: float, beta_inner: float | None) -> Chain:
     """The numbers of the one funnel whose coefficients are looked for."""
-    if problem.path.tube:
-        raise InputError("learner=polytope: expected a path, got a tube")
+    problem.path.require_course()
     if len(problem.path.distinct) > 1:
         raise InputError(
             f"learner=polytope: expected one distinct segment, got {len(problem.path.distinct)}: its coefficients are "

@@ -146,7 +146,7 @@ class Plane:
     def __init__(self, result: Result) -> None:
         problem = result.problem
         self.result, self.course = result, Course(problem)
-        self.end = float(sum(segment.duration for segment in problem.path.curve))
+        self.end = problem.path.duration
         self.theta = self.course.between(0.0, self.end, math.inf, MOST_OUTLINES)
         self.line = self.course(self.theta)[:, 1:]
         self.obstacles = [obstacle_region(obstacle) for obstacle in problem.obstacles]
@@ -213,7 +213,7 @@ class Plane:
         spans = self.result.spans
         if not worst or not spans or any(found.span for found in self.result.segments):
             return []
-        theta = np.array([spans[point.segment][0] + point.theta for point in worst])
+        theta = np.array([spans[point.segment][0] + (point.theta or 0.0) for point in worst])
         at = positions(self.course(theta), np.array([point.x for point in worst]))
         return [Lines(WORST, [at], [theta])]
 

@@ -17,7 +17,7 @@ import numpy as np
 from jax import export
 from jaxtyping import Array, Float, Int
 
-from cfjax.coerce import objects, whole
+from cfjax.coerce import instances, objects, whole
 from cfjax.control import Law, MinNorm
 from cfjax.control.legs import MEETS, leg_arrays
 from cfjax.funnel import Funnel, Leg, Template
@@ -39,6 +39,7 @@ from cfjax.simulation.loop import (
     sample_starts,
     start,
 )
+from cfjax.simulation.tube import drive_tube_cars
 from cfjax.traced import Traced, traced
 
 
@@ -262,10 +263,11 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
 def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = MinNorm()) -> None:
     """Compile what `drive_cars` asks for once all segments have funnels; any will do for that."""
     shape = np.diag(1 / np.array(problem.inlet.half_axes) ** 2)
-    ends = np.cumsum([segment.duration for segment in problem.path.curve])
+    course = problem.path.require_course()
+    ends = np.cumsum([segment.duration for segment in course])
     legs = [
         Leg(float(end), Funnel(template, shape, 0.0, segment.duration), 1.0)
-        for segment, end in zip(problem.path.curve, ends, strict=True)
+        for segment, end in zip(course, ends, strict=True)
     ]
     asked = _asked(problem, legs, cars, 0, law)
     asked.program.prepare(*asked.arguments[0])
@@ -275,6 +277,8 @@ def drive_cars(
     problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0, law: Law = MinNorm()
 ) -> tuple[ClosedLoop, Rollouts]:
     """Drive `cars` cars from random deviations of I at θ = 0 to the path's end, each leg under the law of its margins.
+
+    In a tube, one leg without end, each car has a path of its own (`drive_tube_cars`), under the min-norm law.
 
     The cars know where they are on the path: the law reads the reference at their θ. What is counted is looked at after
     each step, and V at the end of a leg in both funnels. A car has left S if it leaves the box or if its footprint
@@ -286,6 +290,9 @@ def drive_cars(
     Raises:
         InputError: where the legs do not lead along the path, or their funnels have several templates.
     """
+    if problem.path.tube:
+        (leg,) = instances("legs", legs, Leg)
+        return drive_tube_cars(problem, leg.funnel, leg.margin, leg.margin_per_metre, cars=cars, seed=seed)
     asked = _asked(problem, legs, cars, seed, law)
     (last, _, clear), history = asked.answer()
     rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())

@@ -304,9 +304,7 @@ def drive_tube_cars(
     margin, margin_per_metre = number("margin", margin, "1/s"), number("margin_per_metre", margin_per_metre, "1/m")
     cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
     way = None if way is None else number("way", way, "m", above=0)
-    tube = problem.path.segments[0]
-    if not isinstance(tube, Tube):
-        raise InputError(f"path: expected a tube, got {problem.path.name}")
+    tube = problem.path.require_tube()
     if 0.0 not in tube.acceleration:
         ends = f"[{tube.acceleration.lower:g}, {tube.acceleration.upper:g}]"
         raise InputError(f"path.acceleration: expected an interval around zero, for cars to drive on, got {ends}")

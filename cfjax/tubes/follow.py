@@ -229,9 +229,7 @@ def follow(
 
 
 def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: Surroundings) -> Following:
-    if path.tube:
-        raise InputError(f"path {path.name}: expected segments, got a tube: it has no course to follow")
-    statements = [stated(segment) for segment in path.curve]
+    statements = [stated(segment) for segment in path.require_course()]
     reference = _cut(exact_reference(statements))
     pieces = reference.pieces
     # tubes of several widths share their bounds

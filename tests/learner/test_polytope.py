@@ -531,7 +531,7 @@ def test_the_same_twice(batched: PolytopeLearned) -> None:
 
 def test_what_cannot_be_asked_is_refused() -> None:
     paper = TEMPLATES["paper"]
-    with pytest.raises(InputError, match="a path, got a tube"):
+    with pytest.raises(InputError, match="expected segments, got a tube"):
         learn_polytope(Problem(tube(), goal=ball(0.6)), paper, margin=0.1, demonstrations=REVISED)
     both = Path("both", (*circle().segments, *circle(radius=2.0).segments))
     with pytest.raises(InputError, match="learner=polytope: expected one distinct segment, got 2"):
