@@ -11,11 +11,12 @@ import pytest
 from flint import arb, arb_series, fmpq
 
 import cfjax
-from cfjax.certificate import certify, proof_size, refute, statement_of
+from cfjax.certificate import certify, proof_size, refute, robustness_of, statement_of
 from cfjax.check import Outcome, check_document
 from cfjax.check.bounds import Range
 from cfjax.check.level import LEVELS, Level, LevelPiece
 from cfjax.check.rational import exp_bounds, sqrt_upper
+from cfjax.check.replay import stated_and_proven
 from cfjax.conf import options_of, preset, problem_of
 from cfjax.conf.build import command_vehicle
 from cfjax.errors import InputError
@@ -242,18 +243,20 @@ def test_a_third_template_asks_no_less_of_the_checker(rate: fmpq) -> None:
     assert float(value) == pytest.approx(float(moved))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("named")
 def test_a_third_template_is_proven_refuted_driven_and_exported() -> None:
     """With a name it goes all the way: the learner, the exact proof, what it absorbs, the cars, and the law in C."""
-    options = Options(template="shifted", restarts=1, cars=20)
+    options = Options(template="shifted", restarts=1, cars=20, robustness=False)
     found = cfjax.synthesize(CIRCLE, options)
     assert found.verdict is cfjax.Verdict.CERTIFIED, found.message
     assert "template shifted, rate " in found.message
     assert found.margin_certified is not None and found.margin_falsified is not None
     assert 0.9 * found.margin_falsified < found.margin_certified <= found.margin_falsified
-    assert found.robustness is not None and found.robustness.alone.period > 0
     assert found.closed_loop is not None and found.closed_loop.outcome == "none lost"
     assert found.document is not None
+    stated, _ = stated_and_proven(found.document, robustness_of(found))
+    assert stated.alone.period > 0 and stated.together.delay > 0
     (funnel,) = found.document["funnels"]
     assert check_document(found.document).outcome is Outcome.PROVEN
     faster = {**found.document, "funnels": [{**funnel, "rate": str(2 * fmpq(*map(int, funnel["rate"].split("/"))))}]}

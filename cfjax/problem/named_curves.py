@@ -38,6 +38,10 @@ def ellipse(a: Number = 2.0, b: Number = 1.0, speed: Number = 1.0, segments: int
     Each lap has so many segments of equal length. With an even number the second half of a lap has the very profiles of
     the first, and every lap those of the first one.
 
+    >>> path = ellipse(2.0, 1.0, speed=1.0)
+    >>> len(path.segments), len(path.distinct), round(path.duration, 3)
+    (2, 1, 9.688)
+
     Raises:
         InputError: for numbers that are not positive.
     """

@@ -333,6 +333,9 @@ def _within(name: str, value: float, unit: str, least: float, most: float) -> fl
 def straight(length: Number = 4.0, speed: Number = 2.0) -> Path:
     """Straight line along +x through the origin, from −length/2 to length/2 (m), at constant speed (m/s).
 
+    >>> straight(length=4.0, speed=2.0).duration
+    2.0
+
     Raises:
         InputError: for numbers that are not positive.
     """
@@ -346,6 +349,10 @@ def circle(radius: Number = 1.5, speed: Number = np.pi / 2, laps: Number = 1.0) 
     """Circle about the origin, counter-clockwise from (radius, 0), at constant speed (m/s); radius in m.
 
     The paper prints the heading as π t/3 beside a position that turns at 1 rad/s; both turn at speed/radius here.
+
+    >>> path = circle(radius=1.5, speed=1.0)
+    >>> round(path.duration, 3), path.closed
+    (9.425, True)
 
     Raises:
         InputError: for numbers that are not positive.
@@ -370,6 +377,9 @@ def tube(
 
     An interval is an `Interval` or its two ends. A number stands for ± itself in curvature and acceleration, and for
     one constant speed.
+
+    >>> tube(curvature=1.8, speed=(1.0, 5.0), acceleration=1.0).require_tube().curvature
+    Interval(lower=-1.8, upper=1.8)
 
     Raises:
         InputError: for other values, and where a path could stand still or run backwards.

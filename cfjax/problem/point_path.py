@@ -66,6 +66,10 @@ def waypoints(
 
     How everything was taken stands in one line in the path's `source`, and in `doubt` why another unit may be meant.
 
+    >>> path = waypoints([(0.0, 0.0), (4.0, 0.0), (8.0, 1.0), (12.0, 1.0)], speed=2.0)
+    >>> path.source
+    'points: 4 points, 12.2 m, open (ends 12.0 m apart), 2 m/s, smallest radius 9.52 m, columns 1 (x), 2 (y)'
+
     Args:
         file: the file's name, or the points.
         columns: names of all columns, with units, instead of a header: `["x_mm", "y_mm", "time"]`.

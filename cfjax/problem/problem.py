@@ -70,6 +70,14 @@ class Problem:
     Deviations (alpha, x, y, v): heading in rad, lateral and longitudinal position in m, speed in m/s, in the body frame
     of the reference; of a vehicle of one's own its `state_names`.
 
+    >>> from cfjax import circle
+    >>> problem = Problem(circle(radius=1.5, speed=1.0), inlet=0.5, goal=0.5, safe=[1.0, 1.0, 1.0, 3.0], method="tt")
+    >>> problem.inputs[0]
+    Interval(lower=1.0, upper=1.0)
+    >>> Problem(circle(radius=0.3), inlet=0.5)  # tighter than the car can steer
+    Traceback (most recent call last):
+    cfjax.errors.InputError: path: segment 0 at theta = 0 s needs steering angle 48.58°, limit 45° ...
+
     Args:
         path: what to follow: of `cfjax.circle`, `cfjax.waypoints` and the like.
         inlet: I, where the car may start, at the path's start; of a tube, anywhere. An `Ellipsoid`, or its half-axes,
