@@ -1,6 +1,7 @@
 """One of each that docs/contributing.md says can be made without a change in the package: it goes in as an object."""
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -273,3 +274,24 @@ def test_a_vehicle_by_name_has_a_proof_to_be_solved(tmp_path: Path) -> None:
     assert problem.vehicle.name == "unicycle"
     size = proof_size(problem, statement_of(problem), Contracting(), options_of(config).beta_lower)
     assert size is not None and size.states == problem.dimension == 4
+
+
+RECIPES = Path(__file__).parents[1] / "docs" / "contributing.md"
+MOST_FILES = {"A new learner": 6, "A new solver": 1, "A vehicle by name": 3, "A new template": 4, "A new condition": 8}
+
+
+@pytest.mark.parametrize(("title", "most"), MOST_FILES.items())
+def test_a_recipe_names_what_there_is_and_few_files(title: str, most: int) -> None:
+    """Numbered steps name the files that change: those of code exist, and hold the names in brackets."""
+    recipe = RECIPES.read_text().partition(f"## {title}\n")[2].partition("\n## ")[0]
+    steps = re.findall(r"^\d\. .*(?:\n   .*)*", recipe, re.MULTILINE)
+    assert steps
+    files: set[str] = set()
+    for step in steps:
+        named = re.findall(r"`((?:cfjax|conf|docs)/[\w/.-]+\.(?:py|md|yaml))`", step)
+        files |= set(named)
+        for name in re.findall(r"\(`(\w+)`\)", step):
+            assert any(re.search(rf"\b{name}\b", (RECIPES.parents[1] / file).read_text()) for file in named), name
+    root = RECIPES.parents[1]
+    assert [file for file in files if not (root / file).exists() and "my_" not in file] == []
+    assert len(files) <= most, sorted(files)
