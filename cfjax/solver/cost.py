@@ -46,7 +46,7 @@ COSTS: dict[str, Callable[[int, Sequence[int]], Cost]] = {"batched": _batched, "
 
 
 def cost_of(solver: str, variables: int, degrees: Sequence[int]) -> Cost:
-    """Of a program of this shape (`cfjax.solver.program`), by the solver of that name; one without measured costs counts
+    """Of a program of this shape (`cfjax.solver.program`), by the solver of that name; one that was not measured counts
     as the reference.
     """
     rows = [comb(variables + degree, variables) for degree in degrees]
