@@ -167,7 +167,8 @@ def _margin_per_metre(result: Result) -> float | None:
 
     Not stretch by stretch, where it might be more: the checker answers for a segment's margin, not for a stretch's.
     """
-    if result.margin_certified is None or result.margin_per_metre is not None:
+    held = result.margin_per_metre is not None or any(found.span for found in result.segments)
+    if held or result.margin_certified is None:
         return result.margin_per_metre
     margins = [found.margin_certified or 0.0 for found in result.segments]
     tops = [segment.top_speed for segment in result.problem.path.segments]
