@@ -20,7 +20,7 @@ from cfjax.falsifier.minimax import Outcome, Particles, Schedule, minimax, ridge
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import containment_points, shell_points
 from cfjax.funnel.funnel import require_fit
-from cfjax.funnel.instance import Chain, Stretch, Unit, chain_of, instance_of
+from cfjax.funnel.instance import Chain, Span, Unit, chain_of, instance_of
 from cfjax.problem import Path, Problem, Segment, Tube, Vehicle
 from cfjax.traced import traced
 
@@ -170,7 +170,7 @@ def falsify(
 
 
 def stretch_margins(
-    problem: Problem, segment: Segment, funnel: Funnel, stretches: Sequence[Stretch], *, seed: int = 0
+    problem: Problem, segment: Segment, funnel: Funnel, stretches: Sequence[Span], *, seed: int = 0
 ) -> Float[np.ndarray, " s"]:
     """The margin of (d) on each stretch of a segment, as set of references, that its particles found: λ in 1/s.
 
@@ -178,7 +178,7 @@ def stretch_margins(
     stretches.
     """
     require_question(problem, segment, funnel)
-    stretches, seed = instances("stretches", stretches, Stretch), whole("seed", seed, 0)
+    stretches, seed = instances("stretches", stretches, Span), whole("seed", seed, 0)
     levels = funnel.beta_lower, funnel.beta_inner
     instance = instance_of(problem, segment, funnel.template, *levels, stretches=stretches)
     chain = Chain(jax.tree.map(lambda values: np.asarray(values)[None], instance), np.zeros((0, 2), int))

@@ -36,7 +36,7 @@ class Unit(enum.Enum):
     BALANCED = 0.95  # exponent of the speed, relative to the slowest
 
 
-class Stretch(NamedTuple):
+class Span(NamedTuple):
     """Part of a segment, θ from begin to end (s), as the set of references within bounds that hold there.
 
     With bounds of the curvature's rate (dκ/dθ, 1/(m s)) one input has to do for all of them (`cfjax.check.structure`).
@@ -137,7 +137,7 @@ def instance_of(
     beta_lower: float,
     beta_inner: float | None = None,
     unit: Unit = Unit.SECOND,
-    stretches: Sequence[Stretch] = (),
+    stretches: Sequence[Span] = (),
 ) -> Instance:
     """The numbers that the conditions on one funnel need; `beta_inner` is beta_lower unless given.
 
@@ -180,7 +180,7 @@ def instance_of(
 
 
 def _stations(
-    segment: Segment | Tube, duration: float, stretches: Sequence[Stretch]
+    segment: Segment | Tube, duration: float, stretches: Sequence[Span]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Begin and end (s, 2), extreme references (s, groups, members, 4) and nominal ones (s, groups, 4)."""
     if stretches:

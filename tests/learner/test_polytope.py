@@ -22,7 +22,7 @@ from cfjax.learner.localise import Ending, Localised, Step
 from cfjax.learner.oracle import FunnelOracle, Hunted
 from cfjax.learner.polytope import CHANGES
 from cfjax.learner.polytope import learn_polytope as learn
-from cfjax.learner.run import PolytopeLearned, Run
+from cfjax.learner.run import EliminationRun, PolytopeLearned
 from cfjax.learner.witnesses import FADING, Witnesses, dynamics, falling
 from cfjax.problem import (
     Box,
@@ -481,7 +481,7 @@ def test_messages_say_how_a_search_ended() -> None:
     def said(ending: Ending, how: Elimination) -> str:
         left = Polytope.box(space.lower, space.upper)
         search = Localised(ending, None, left, 5, 0.02, history)
-        return Run(how, space, search, None, -math.inf, 0.05, Witnesses.none(CIRCLE), 0).message
+        return EliminationRun(how, space, search, None, -math.inf, 0.05, Witnesses.none(CIRCLE), 0).message
 
     revised = replace(ONCE, demonstrations=REVISED)
     assert "was given up after 5 cuts; nothing is shown" in said(Ending.GIVEN_UP, revised)
