@@ -27,7 +27,7 @@ def compile_ahead(problem: Problem, shapes: Sequence[Shape], options: Options) -
                 solver.prepare(shape)
             if options.robustness:
                 solver.prepare(held_shape(problem.dimension))
-            if options.cars and not problem.path.tube:
+            if options.cars:  # last, for of a tube nothing is known before it is there
                 prepare_cars(problem, template_named(options.template), cars=options.cars)
 
     thread = Thread(target=work, name="compile ahead")

@@ -67,7 +67,7 @@ def check_question(problem: Problem, options: Options) -> None:
 
 def _require_steady(path: Path, options: Options) -> None:
     """What sampled control is proven of."""
-    if path.tube or len(path.segments) > 1 or not all(segment.is_steady for segment in path.segments):
+    if len(path.curve) != 1 or not path.curve[0].is_steady:
         raise InputError(f"period: expected a path that is one straight line or one circle, got {path.name}")
     if options.template != "contracting" or options.certificate == "tube":
         raise InputError("period: expected template=contracting, and a certificate that is none of a tube")

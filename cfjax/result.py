@@ -62,7 +62,7 @@ class WorstPlace(NamedTuple):
     segment: int  # of the path, from 0
     condition: str  # "a", "b", "c" or "d"
     slack: float
-    theta: float  # s of the segment; says nothing in a tube
+    theta: float | None  # s of the segment; None in a tube, where all are alike
     x: tuple[float, ...]  # deviation, in the units of the states
 
 
@@ -199,6 +199,12 @@ class Result:
         return min((segment.margin_falsified for segment in self.segments), default=None)
 
     @property
+    def margin_per_metre(self) -> float | None:
+        """The smallest proven per metre of the path, 1/m; None for funnels of a path's own segments."""
+        margins = [found.margin_per_metre for found in self.segments]
+        return None if not margins or None in margins else min(m for m in margins if m is not None)
+
+    @property
     def spans(self) -> list[tuple[float, float]]:
         """θ along the whole path (s) from which on and until when each funnel holds: a segment's, or a stretch's."""
         ends = itertools.accumulate((segment.duration for segment in self.problem.path.segments), initial=0.0)
@@ -207,11 +213,10 @@ class Result:
 
     @property
     def legs(self) -> list[Leg]:
-        """Where along the path each funnel holds, a segment or a stretch in one tube; of a path that is no tube."""
-        per_metre = [(found.margin_per_metre or 0.0) if found.span else 0.0 for found in self.segments]
+        """Where each funnel holds: a segment, a stretch in one tube, or, without end, every path of a tube."""
         return [
-            Leg(end, found.funnel, found.margin_certified or 0.0, way, found.along)
-            for (_, end), found, way in zip(self.spans, self.segments, per_metre, strict=True)
+            Leg(end, found.funnel, found.margin_certified or 0.0, found.margin_per_metre or 0.0, found.along)
+            for (_, end), found in zip(self.spans, self.segments, strict=True)
         ]
 
     def plot(self, panel: str | None = None, axes: "Axes | None" = None, width: str | float | None = None) -> "Figure":
@@ -271,9 +276,9 @@ class Result:
 
     def _margin(self) -> str:
         margin, falsified = self.margin_certified, self.margin_falsified
-        per_metre = [found.margin_per_metre for found in self.segments if found.margin_per_metre is not None]
+        per_metre = self.margin_per_metre
         proven = "nothing proven" if margin is None else f"{margin_text(margin)} 1/s proven"
-        way = f" ({margin_text(min(per_metre))} per metre of the path)" if per_metre else ""
+        way = f" ({margin_text(per_metre)} per metre of the path)" if per_metre else ""
         known = falsified is not None and math.isfinite(falsified)  # the package's own tubes are not searched again
         return f"{proven}{way}" + (f"; the falsifier found no less than {margin_text(falsified)} 1/s" if known else "")
 
@@ -288,7 +293,7 @@ class Result:
 
     def _absorbed(self, robustness: Robustness) -> list[tuple[str, str]]:
         alone, vehicle = robustness.alone, self.problem.vehicle
-        law = ", under the law that is told the speed alone" if self.problem.path.tube else ""
+        law = ", under the law that is told the speed alone" if self.margin_per_metre else ""
         often = f" (control at {rounded_up(1 / alone.period, 3)} Hz or faster)" if alone.period else ""
         rates = _by_state(vehicle, [rounded_down(rate, 2) for rate in alone.disturbance], vehicle.rate_units)
         holds = robustness.sampled

@@ -44,8 +44,7 @@ def main() -> int:
         if not sampled:
             parser.error(f"{folder}: expected a run with period=…, in which sampled control is proven")
         problem, funnel = result.problem, result.segments[0].funnel
-        segment = problem.path.distinct[0]
-        assert isinstance(segment, Segment)
+        (segment,) = problem.path.curve
         inputs, bends = np.array(sampled.inputs), np.array(sampled.bends)
         numbers = holds(problem, funnel, sampled.period, sampled.order, sampled.decrease, inputs, bends)
         told = f"{rounded_down(1e3 * sampled.period, 3)} ms, order {sampled.order}, {len(inputs)} inputs"

@@ -48,11 +48,10 @@ class Wish(NamedTuple):
 
     def is_met_by(self, found: CertifiedTube) -> bool:
         """Whether the proven tube is at least as good: bounds as wide, and the width of this wish."""
-        within = self.problem().path.tube
+        within = self.problem().path.require_tube()
         reach = max(float(found.inverse[i, i]) for i in range(len(found.shape))) ** 0.5
         return (
-            within is not None
-            and found.bounds == exact_bounds(within)
+            found.bounds == exact_bounds(within)
             and self.inlet < reach < self.goal
             and found.beta_inner == rational(BETA_INNER)
         )

@@ -54,7 +54,12 @@ def hand_made() -> Callable[..., Result]:
         shape = np.diag([6.0, 5.0, 4.5, 7.0, 5.5, 6.5][: problem.dimension]) + 0.1
         rate = 0.0 if problem.path.tube else 0.01
         segments = tuple(
-            SegmentResult(Funnel(template_named(template), shape, rate, s.duration, 0.9), 1 / 3, margin)
+            SegmentResult(
+                Funnel(template_named(template), shape, rate, s.duration, 0.9),
+                1 / 3,
+                margin,
+                margin_per_metre=margin if problem.path.tube else None,
+            )
             for s in problem.path.segments
         )
         return Result(

@@ -63,7 +63,8 @@ def test_inputs_that_may_not_be_held_have_no_rate(certified: Result) -> None:
 
 def test_in_a_tube_there_is_no_arrival_and_a_law_that_knows_the_speed(hand_made: Make) -> None:
     loop = ClosedLoop(10, 0, 0, 0, 0.75, None)
-    tube = hand_made(problem_of(preset("tube")), verdict=Verdict.CERTIFIED, robustness=ABSORBED, closed_loop=loop)
+    certified = {"margin": 0.25, "verdict": Verdict.CERTIFIED, "robustness": ABSORBED, "closed_loop": loop}
+    tube = hand_made(problem_of(preset("tube")), **certified)
     assert "one of the following, under the law that is told the speed alone\n" in str(tube)
     assert "arrival" not in str(tube)
 

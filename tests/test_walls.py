@@ -161,7 +161,7 @@ def test_modules_import_each_other_in_no_circle() -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        "from cfjax.certificate.plan import Plan",
+        "from cfjax.certificate.plan import Cuts",
         "from cfjax import certificate",
         "import cfjax.certificate.plan",
         "def f():\n    from cfjax.certificate import certify",
@@ -173,3 +173,19 @@ def test_modules_import_each_other_in_no_circle() -> None:
 def test_a_wrong_import_is_seen(source: str, rooms: dict[str, Room]) -> None:
     (line,) = crossings("control/law", source, rooms)
     assert re.fullmatch(r"cfjax/control/law\.py:\d: imports certificate\S*, which the row `control` .*", line)
+
+
+FORMS = re.compile(r"path\.tube|isinstance\([^)]*(Tube|Segment|Course)|isinf\([^)]*duration")
+MOST_FORMS = 25
+
+
+def test_few_places_ask_which_form_a_path_has() -> None:
+    """What segments and tubes both know is asked of either (`last_theta`, `samples`, `middle`, `top_speed`)."""
+    files = [file for room in ("cfjax", "experiments", "scripts") for file in sorted((ROOT / room).rglob("*.py"))]
+    found = [
+        f"{file.relative_to(ROOT)}:{number}"
+        for file in files
+        for number, line in enumerate(file.read_text().splitlines(), start=1)
+        if FORMS.search(line)
+    ]
+    assert len(found) <= MOST_FORMS, found

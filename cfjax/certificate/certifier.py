@@ -145,7 +145,7 @@ def certify(
     require_fit(problem, funnels)
     started = time.perf_counter()
     statement = statement_of(problem)
-    _, question, claim, parts = statement
+    _, question, claim, legs = statement
     clock = {"plan": 0.0, "sos": 0.0, "exact": time.perf_counter() - started}
     rounded = [round_funnel(funnel, segment) for funnel, segment in zip(funnels, distinct, strict=True)]
     kept = tuple(funnel.funnel for funnel in rounded)
@@ -178,7 +178,7 @@ def certify(
         )
     started = time.perf_counter()
     margins = [min(proof.margin for proof in proofs) for proofs in found]
-    per_metre = [min(proof.margin_per_metre for proof in proofs) if problem.path.tube else None for proofs in found]
+    per_metre = [None if legs else min(proof.margin_per_metre for proof in proofs) for proofs in found]
     claimed = zip(rounded, margins, per_metre, strict=True)
     document = seal(
         "funnel",
@@ -191,7 +191,7 @@ def certify(
             ],
             "clearance": clearance,
         },
-        parts,
+        legs,
         ratios,
     )
     # what is replayed is what the file will say: through its text, not through the objects that made it
@@ -207,7 +207,7 @@ def certify(
         margins=tuple(map(float_below, margins)) if proven else None,
         margins_per_metre=tuple(None if margin is None else float_below(margin) for margin in per_metre),
         numerical_margins=tuple(min(proof.numerical for proof in proofs) for proofs in found),
-        stretches=tuple(() if problem.path.tube else tuple(map(_stretch_margin, proofs)) for proofs in found),
+        stretches=tuple(tuple(map(_stretch_margin, proofs)) if legs else () for proofs in found),
         seconds=clock,
         counterexamples=tuple(point for proof in every for point in proof.counterexamples),
         solvers=tuple(sorted({name for proof in every for name in proof.solvers})),

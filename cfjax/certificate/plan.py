@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from cfjax.falsifier import stretch_margins
 from cfjax.funnel import Funnel
-from cfjax.funnel.instance import Stretch
+from cfjax.funnel.instance import Span
 from cfjax.problem import Interval, Problem, Segment, Tube
 
 
@@ -29,7 +29,7 @@ ALMOST = 0.995  # of the margin of a cell that falls short of the target
 LEAST_SHARE = 0.3  # of the target asked: below, shorter stretches are not what is missing
 
 
-class Plan(NamedTuple):
+class Cuts(NamedTuple):
     """Ends of the stretches, in cells; the first one begins at 0."""
 
     ends: tuple[int, ...]
@@ -44,7 +44,7 @@ def plan(
     spare: float,
     most: int,
     is_smooth: bool = False,
-) -> Plan:
+) -> Cuts:
     """Few stretches, none of which has a margin below `spare` (≥ 1) times the target (1/s) as far as particles find.
 
     The target is lowered where they would be more than `most`, or where a place alone does not reach it; what is then
@@ -56,20 +56,20 @@ def plan(
     while wanted > 0 and wanted >= least:
         ends, shortest = planner.ends(spare * wanted, most)
         if ends:
-            return Plan(ends, wanted)
+            return Cuts(ends, wanted)
         if shortest >= spare * wanted:
             return _below(planner, wanted, least, spare, most)
         wanted = shortest / spare * ALMOST  # a cell alone: what it has is the most that can be had
-    return Plan(_even(most), 0.0)
+    return Cuts(_even(most), 0.0)
 
 
 def _even(count: int) -> tuple[int, ...]:
     return tuple(CELLS * (k + 1) // count for k in range(count))
 
 
-def _below(planner: "_Planner", failing: float, least: float, spare: float, most: int) -> Plan:
+def _below(planner: "_Planner", failing: float, least: float, spare: float, most: int) -> Cuts:
     """A plan for a lower target than one that needs too many stretches: at least what equal parts reach can be had."""
-    good = Plan(_even(most), planner.margin(_even(most)) / spare)
+    good = Cuts(_even(most), planner.margin(_even(most)) / spare)
     near = good.target >= NEAR * failing  # then a little lower may do
     for attempt in range(MOST_ATTEMPTS):
         if good.target >= LOWER * failing:
@@ -77,10 +77,10 @@ def _below(planner: "_Planner", failing: float, least: float, spare: float, most
         wanted = LOWER * failing if near and not attempt else (max(good.target, least) * failing) ** 0.5
         ends, _ = planner.ends(spare * wanted, most)
         if ends:
-            good = Plan(ends, wanted)
+            good = Cuts(ends, wanted)
         else:
             failing = wanted
-    return good if good.target >= least else Plan(_even(most), 0.0)
+    return good if good.target >= least else Cuts(_even(most), 0.0)
 
 
 @dataclass
@@ -145,11 +145,11 @@ class _Planner:
             self.known |= {each: float(margin) for each, margin in zip(new, found, strict=False)}
         return np.array([self.known[each] for each in stretches])
 
-    def _stretch(self, begin: int, end: int) -> Stretch:
+    def _stretch(self, begin: int, end: int) -> Span:
         def range_of(values: Float[np.ndarray, " c"]) -> Interval:
             part = values[begin : end + 1]
             return Interval(float(part.min()), float(part.max()))
 
         bounds = Tube(range_of(self.curvature), range_of(self.speed), range_of(self.slope))
         changing = range_of(self.curvature_rate) if self.is_smooth else None
-        return Stretch(float(self.theta[begin]), float(self.theta[end]), bounds, changing)
+        return Span(float(self.theta[begin]), float(self.theta[end]), bounds, changing)

@@ -30,7 +30,7 @@ from cfjax.check.rational import decimal_text, dyadic
 from cfjax.check.reader import Broken
 from cfjax.check.structure import has_tube_structure
 from cfjax.falsifier import Counterexample
-from cfjax.problem import Path, Problem, Tube
+from cfjax.problem import Path, Problem
 from cfjax.solver import Program, Solution, Solver, Status
 from cfjax.verdict import Verdict
 
@@ -154,8 +154,9 @@ class Prover:
 
     def _planned(self, pieces: Sequence[Piece], duration: fmpq, target: float) -> tuple[tuple[int, ...], float]:
         """Ends of stretches, in cells, and the margin (1/s) with which each is content."""
-        segment = self.problem.path.distinct[self.kind]
-        if not target or isinstance(segment, Tube) or segment.is_steady:
+        path = self.problem.path
+        segment = path.curve[path.kinds.index(self.kind)]
+        if not target or segment.is_steady:
             return (CELLS,), target
         started = time.perf_counter()
         with contextlib.suppress(ValueError):  # the whole segment may be too much to ask about; its size is known then

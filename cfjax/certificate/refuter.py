@@ -22,7 +22,7 @@ from cfjax.errors import InputError
 from cfjax.falsifier import WorstPoint, falsify
 from cfjax.funnel import Funnel
 from cfjax.funnel.funnel import require_fit
-from cfjax.problem import Problem, Tube
+from cfjax.problem import Problem
 from cfjax.verdict import Verdict
 
 
@@ -63,9 +63,9 @@ def refute(
         margin=rational(float(margin)),
         margin_per_metre=None,
     )
-    references = range(sum(map(len, segment.references())) if isinstance(segment, Tube) else 1)
+    references = range(sum(map(len, segment.references())))
     for point in falsify(problem, segment, funnel) if points is None else points:
-        for theta, x in _variants(funnel, 0.0 if isinstance(segment, Tube) else segment.duration, point):
+        for theta, x in _variants(funnel, segment.last_theta, point):
             for reference in references if point.condition == "d" else (0,):
                 witness = write_witness(point.condition, 0, theta, reference, x)
                 document = seal("refutation", question, [write_funnel(candidate)], witness, legs)

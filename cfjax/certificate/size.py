@@ -19,7 +19,7 @@ from cfjax.coerce import number, objects, one_of, whole
 from cfjax.errors import InputError
 from cfjax.funnel import Template
 from cfjax.funnel.levels import inner_level
-from cfjax.problem import Problem, Tube
+from cfjax.problem import Problem
 from cfjax.solver import DEFAULT, SOLVERS
 from cfjax.solver.cost import MOST_MEMORY, available_memory, cost_of
 from cfjax.solver.program import Shape
@@ -98,7 +98,7 @@ def proof_size(
     found: dict[bool, list[SteadyDecrease]] = {}
     every = []
     for kind, segment in enumerate(problem.path.distinct):
-        alike = isinstance(segment, Tube) or segment.is_steady
+        alike = segment.is_steady
         if alike not in found:
             try:
                 funnel = least_funnel(problem, kind, template, beta_lower, beta_inner, change)

@@ -15,31 +15,39 @@ from typing import NamedTuple
 from flint import fmpq, fmpq_mat
 
 from cfjax.check.bounds import Range
+from cfjax.check.problem import ProblemClaim
 from cfjax.check.program import Matrix
-from cfjax.check.rational import is_positive_definite, pi_lower, sqrt_upper
+from cfjax.check.proven import Violation
+from cfjax.check.rational import is_positive_definite, pi_lower, pi_upper, sqrt_upper
+from cfjax.check.reader import Broken
 
 
 HEADING = "alpha"
 
 
-class Asked(NamedTuple):
-    """The sets that one funnel is asked about: half-axes of I and G, half-widths of S, one per state.
+class Sets(NamedTuple):
+    """What one funnel is compared with: half-axes of I and G, half-widths of S, one per state; None where nothing is.
 
-    None where nothing is asked: of funnels between the first and the last one the joints are proven instead.
+    Of funnels between the first and the last one the joints are proven instead of I and G.
     """
 
     inlet: Sequence[fmpq] | None
     goal: Sequence[fmpq] | None
     safe: Sequence[fmpq] | None
 
+    @classmethod
+    def of(cls, problem: ProblemClaim, is_first: bool, is_last: bool) -> "Sets":
+        """Those of a problem for a funnel along its path."""
+        return cls(problem.inlet if is_first else None, problem.goal if is_last else None, problem.safe)
 
-def broken_containments(states: Sequence[str], shape: Matrix, end: Range, asked: Asked) -> list[str]:
+
+def broken_containments(states: Sequence[str], shape: Matrix, end: Range, sets: Sets) -> list[str]:
     """What is not proven of (a), (b), (c): one line each, none for a funnel that keeps them.
 
     `end` are rationals below and above ρ(T).
     """
     lowest_end, highest_end = end
-    inlet, goal, safe = asked
+    inlet, goal, safe = sets
     broken = []
     if inlet is not None and not is_positive_definite(_difference(_diagonal(inlet), shape, fmpq(1))):
         broken.append("condition (a): the inlet I does not lie inside the funnel's start")
@@ -58,6 +66,40 @@ def broken_containments(states: Sequence[str], shape: Matrix, end: Range, asked:
         if state == HEADING and not reach_squared < pi_lower() ** 2:
             broken.append("condition (c): the funnel reaches the heading where it wraps")
     return broken
+
+
+def confirm_violation(
+    condition: str, states: Sequence[str], sets: Sets, x: Sequence[fmpq], form: fmpq, inside: bool
+) -> Violation:
+    """What a deviation x violates of (a), (b), (c); `form` is its xᵀ C x, `inside` says that V ≤ 1 there.
+
+    Raises:
+        Broken: nothing is asked there, or it is not violated.
+    """
+    axes = {"a": sets.inlet, "b": sets.goal}.get(condition, ())
+    if axes is None:
+        raise Broken(f"witness: condition ({condition}) is not asked here")
+    if condition == "a":
+        if not _form_of_axes(axes, x) <= 1 <= form:
+            raise Broken("witness: not a deviation of the inlet I at which V is 1 or more")
+        return Violation.INLET
+    if condition == "b":
+        if not (inside and _form_of_axes(axes, x) >= 1):
+            raise Broken("witness: not a deviation outside the goal G at which V(T, x) is 1 or less")
+        return Violation.GOAL
+    outside = sets.safe is not None and any(abs(xi) > si for xi, si in zip(x, sets.safe, strict=True))
+    if not (inside and (outside or heading_of(states, x) >= pi_upper())):
+        raise Broken("witness: not a deviation outside the safe set S, or beyond pi, at which V is 1 or less")
+    return Violation.SAFE if outside else Violation.HEADING
+
+
+def heading_of(states: Sequence[str], x: Sequence[fmpq]) -> fmpq:
+    """|α|, rad; 0 where no state is one."""
+    return abs(x[states.index(HEADING)]) if HEADING in states else fmpq(0)
+
+
+def _form_of_axes(axes: Sequence[fmpq], x: Sequence[fmpq]) -> fmpq:
+    return sum(((xi / axis) ** 2 for xi, axis in zip(x, axes, strict=True)), fmpq(0))
 
 
 def half_widths(shape: Matrix) -> list[fmpq]:

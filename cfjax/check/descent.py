@@ -27,7 +27,7 @@ from flint import fmpq
 
 from cfjax.check.amounts import SHARE, Absorbed, BoundsOver, Rates, Told, least_level
 from cfjax.check.bounds import Bounds, Range
-from cfjax.check.containment import Asked, broken_containments
+from cfjax.check.containment import Sets, broken_containments
 from cfjax.check.document import Certificate, Claims
 from cfjax.check.enclosure import Budget
 from cfjax.check.funnel import FunnelClaim
@@ -206,9 +206,9 @@ def bounds_over(certificate: Certificate, hints: Sequence[FunnelHints]) -> Bound
 def _arrives(claims: Claims, level: fmpq) -> bool:
     """Whether {V ≤ level} of the last leg lies in G, if one is asked."""
     problem, last = claims.problem, claims.legs[-1]
-    asked = Asked(None, problem.goal, None)
+    goal = Sets(None, problem.goal, None)
     states = problem.vehicle.states
-    return problem.goal is None or not broken_containments(states, last.funnel.shape, last.end_form(level), asked)
+    return problem.goal is None or not broken_containments(states, last.funnel.shape, last.end_form(level), goal)
 
 
 def _held(certificate: Certificate, index: int, hints: FunnelHints, effort: Budget) -> HeldFunnel:

@@ -15,7 +15,7 @@ from functools import cached_property
 from flint import fmpq
 
 from cfjax.check.bounds import Bounds, Extreme, Range, place_of
-from cfjax.check.containment import Asked, broken_containments
+from cfjax.check.containment import Sets, broken_containments
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import Certificate, Claims
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
@@ -173,8 +173,8 @@ def prove_sets(claims: Claims, finish: fmpq) -> None:
         is_first, is_last = index == claims.first, index == claims.last
         legs = claims.legs_of(index)  # of equal duration, where the funnel changes with θ
         end = funnel.level.form_bounds(finish if is_last else fmpq(1), legs[0].duration if legs else fmpq(0))
-        asked = Asked(problem.inlet if is_first else None, problem.goal if is_last else None, problem.safe)
-        if broken := broken_containments(problem.vehicle.states, funnel.shape, end, asked):
+        sets = Sets.of(problem, is_first, is_last)
+        if broken := broken_containments(problem.vehicle.states, funnel.shape, end, sets):
             raise Broken(of_funnel(index, claims) + "; ".join(broken))
 
 

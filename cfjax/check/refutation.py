@@ -14,13 +14,13 @@ from itertools import product
 from flint import arb, fmpq
 
 from cfjax.check.bounds import Bounds, Extreme
-from cfjax.check.containment import HEADING
+from cfjax.check.containment import Sets, confirm_violation, heading_of
 from cfjax.check.document import Claims, Witness
 from cfjax.check.funnel import FunnelClaim
 from cfjax.check.graph import Graph
 from cfjax.check.problem import ProblemClaim
 from cfjax.check.proven import Violation
-from cfjax.check.rational import pi_lower, pi_upper
+from cfjax.check.rational import pi_lower
 from cfjax.check.reader import Broken
 
 
@@ -48,10 +48,6 @@ def confirm_witness(claims: Claims, witness: Witness) -> Violation:
         raise Broken("witness: theta lies outside the leg")
     if witness.condition in "ab" and theta != (0 if witness.condition == "a" else duration):
         raise Broken(f"witness: condition ({witness.condition}) is about one end of the leg, not this theta")
-    asked = {"a": (leg == 0, problem.inlet), "b": (leg == max(len(legs) - 1, 0), problem.goal)}
-    is_there, axes = asked.get(witness.condition, (True, ()))
-    if not is_there or axes is None:
-        raise Broken(f"witness: condition ({witness.condition}) is not asked here")
     extremes = references_of(claims, leg, theta)
     if witness.reference >= len(extremes):
         raise Broken("witness: no such reference")
@@ -62,22 +58,10 @@ def confirm_witness(claims: Claims, witness: Witness) -> Violation:
     form = _form(funnel.shape, x)
     inside = form <= funnel.level.bounds(theta)[0]
 
-    if witness.condition == "a":
-        if not _form_of_axes(axes, x) <= 1 <= form:
-            raise Broken("witness: not a deviation of the inlet I at which V is 1 or more")
-        return Violation.INLET
-    if witness.condition == "b":
-        if not (inside and _form_of_axes(axes, x) >= 1):
-            raise Broken("witness: not a deviation outside the goal G at which V(T, x) is 1 or less")
-        return Violation.GOAL
-    heading = abs(x[states.index(HEADING)]) if HEADING in states else fmpq(0)
-    if witness.condition == "c":
-        outside = problem.safe is not None and any(abs(xi) > si for xi, si in zip(x, problem.safe, strict=True))
-        if not (inside and (outside or heading >= pi_upper())):
-            raise Broken("witness: not a deviation outside the safe set S, or beyond pi, at which V is 1 or less")
-        return Violation.SAFE if outside else Violation.HEADING
-
-    if heading >= pi_lower():
+    if witness.condition != "d":
+        sets = Sets.of(problem, leg == 0, leg == max(len(legs) - 1, 0))
+        return confirm_violation(witness.condition, states, sets, x, form, inside)
+    if heading_of(states, x) >= pi_lower():
         raise Broken("witness: its heading lies beyond where it wraps")
     # β̲ ≤ V, where λ is asked for in full
     if not (inside and form >= funnel.level.form_bounds(funnel.beta_lower, theta)[1]):
@@ -144,7 +128,3 @@ def _value_rate(
 def _form(shape: Sequence[Sequence[fmpq]], x: Sequence[fmpq]) -> fmpq:
     pairs = ((c, xi, xj) for row, xi in zip(shape, x, strict=True) for c, xj in zip(row, x, strict=True))
     return sum((c * xi * xj for c, xi, xj in pairs), fmpq(0))
-
-
-def _form_of_axes(half_axes: Sequence[fmpq], x: Sequence[fmpq]) -> fmpq:
-    return sum(((xi / axis) ** 2 for xi, axis in zip(x, half_axes, strict=True)), fmpq(0))

@@ -27,10 +27,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.coerce import number, objects, optional
-from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, Template
 from cfjax.funnel.funnel import require_fit
-from cfjax.problem import Interval, Problem, ReferencePoint, Tube, Vehicle, deviation_rate, feedforward
+from cfjax.problem import Interval, Problem, ReferencePoint, Vehicle, deviation_rate, feedforward
 from cfjax.problem.deviation import scalars
 from cfjax.problem.input_box import InputBox
 from cfjax.problem.vehicle import Scalar
@@ -65,9 +64,7 @@ def any_path_numbers(problem: Problem, funnel: Funnel, margin: float, margin_per
     is what a tube's proven control period speaks of.
     """
     objects(problem=(problem, Problem))
-    bounds = problem.path.segments[0]
-    if not isinstance(bounds, Tube):
-        raise InputError(f"path: expected a tube, got {problem.path.name}")
+    bounds = problem.path.require_tube()
     return law_numbers(problem, funnel, margin, margin_per_metre, bounds.curvature, bounds.acceleration)
 
 
@@ -104,7 +101,7 @@ def law_numbers(
     optional("acceleration", acceleration, Interval)
     margin, margin_per_metre = number("margin", margin, "1/s"), number("margin_per_metre", margin_per_metre, "1/m")
     # below β̲ the demand fades as a tube's certificate does; along a segment the two may differ, so there it only asks
-    inner = funnel.inner if np.isinf(funnel.duration) else funnel.beta_lower
+    inner = funnel.beta_lower if funnel.rate else funnel.inner
 
     def ends(interval: Interval | None) -> tuple[np.float64, np.float64] | None:
         return None if interval is None else (np.float64(interval.lower), np.float64(interval.upper))

@@ -41,9 +41,7 @@ def leg_arrays(problem: Problem, legs: Sequence[Leg]) -> LegArrays:
     """
     objects(problem=(problem, Problem))
     legs = instances("legs", legs, Leg)
-    if problem.path.tube:
-        raise InputError(f"path {problem.path.name}: expected segments, got a tube, which has no course")
-    duration = float(np.cumsum([segment.duration for segment in problem.path.curve])[-1])
+    duration = float(np.cumsum([segment.duration for segment in problem.path.require_course()])[-1])
     ends = [0.0, *(float(leg.end) for leg in legs)]
     shortest = min((b - a for a, b in itertools.pairwise(ends)), default=0.0)
     if not shortest > MEETS * duration or not abs(ends[-1] - duration) <= MEETS * duration:

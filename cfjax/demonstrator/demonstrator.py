@@ -41,7 +41,6 @@ MOST_ITERATIONS: Final = 100
 STRIDE: Final = 0.2  # m of the reference's way in one interval
 LONGEST: Final = 0.1  # s of one interval
 ROUNDED: Final = 1e-9  # of the largest entry, by which weights may be off
-PLACES: Final = 33  # of a segment, at which its speed is looked at
 
 
 class Horizon(NamedTuple):
@@ -57,13 +56,9 @@ def horizon_of(problem: Problem, steps: int = 20) -> Horizon:
     No step is longer than `LONGEST`, and the horizon no longer than the path.
     """
     steps = whole("steps", steps, 1)
-    if bounds := instance("problem", problem, Problem).path.tube:
-        fastest, duration = bounds.speed.upper, np.inf
-    else:
-        curve = problem.path.curve
-        duration = sum(segment.duration for segment in curve)
-        fastest = max(segment.speed.values(np.linspace(0.0, segment.duration, PLACES)).max() for segment in curve)
-    return Horizon(steps, float(min(LONGEST, STRIDE / fastest, duration / steps)))
+    path = instance("problem", problem, Problem).path
+    fastest = max(segment.top_speed for segment in path.distinct)
+    return Horizon(steps, float(min(LONGEST, STRIDE / fastest, path.duration / steps)))
 
 
 class Demonstration(NamedTuple):

@@ -81,16 +81,11 @@ def reference_of(problem: Problem) -> tuple[ReferencePoint | Pieces, float]:
     Of a tube its nominal reference: the middle of curvature, speed and acceleration (no path of the tube in
     particular; with an acceleration it lasts no longer than its speeds do, which a horizon is short beside).
     """
-    if bounds := problem.path.tube:
-        kappa, v, a = bounds.curvature.middle, bounds.speed.middle, bounds.acceleration.middle
-        return ReferencePoint(*(jnp.asarray(number, float) for number in (kappa * v, v, kappa * a, a))), np.inf
-    curve = problem.path.curve
-    duration = sum(segment.duration for segment in curve)
-    if all(segment.is_steady for segment in curve):
-        points = {segment.point(0.0) for segment in curve}
-        if len(points) == 1:
-            return ReferencePoint(*(jnp.asarray(number, float) for number in points.pop())), np.inf
-    return profiles_of(problem.path), duration
+    path = problem.path
+    points = {segment.middle() for segment in path.segments}
+    if len(points) == 1 and all(segment.is_steady for segment in path.segments):
+        return ReferencePoint(*(jnp.asarray(number, float) for number in points.pop())), np.inf
+    return profiles_of(path), path.duration
 
 
 def task_of(problem: Problem, weights: Weights, step: float) -> Task:

@@ -69,8 +69,7 @@ def sources_of(result: Result) -> Sources:
     instance("result", result, Result)
     if result.verdict is not Verdict.CERTIFIED or result.document is None:
         raise InputError(f"export: expected a certified run, got one that is {result.verdict.value}")
-    if result.problem.path.tube:
-        raise InputError("export: expected a run of a path, got one of a tube alone, which has no reference to follow")
+    result.problem.path.require_course()
     fields = {name: _ascii(text) for name, text in {**_names(result), **_tables(result), **_code(result)}.items()}
     banner = [line for long in _ascii(_banner(result)).splitlines() for line in textwrap.wrap(long, 116) or [""]]
     fields["banner"] = "\n".join(f" * {line}".rstrip() for line in banner)

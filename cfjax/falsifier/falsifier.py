@@ -18,9 +18,9 @@ from jaxtyping import Float
 from cfjax.coerce import choice, instances, objects, refuse, whole
 from cfjax.falsifier.minimax import Outcome, Particles, Schedule, minimax, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
-from cfjax.funnel.conditions import shell_points
+from cfjax.funnel.conditions import containment_points, shell_points
 from cfjax.funnel.funnel import require_fit
-from cfjax.funnel.instance import Chain, Clearance, Stretch, Unit, chain_of, instance_of
+from cfjax.funnel.instance import Chain, Span, Unit, chain_of, instance_of
 from cfjax.problem import Path, Problem, Segment, Tube, Vehicle
 from cfjax.traced import traced
 
@@ -120,7 +120,7 @@ def _without_nan(margins: Float[np.ndarray, "r f k"]) -> Float[np.ndarray, "r f 
 def require_question(problem: Problem, segment: Segment | Tube, funnel: Funnel) -> None:
     """Raises InputError unless the segment is one of the problem's path, and the funnel is of its states."""
     objects(problem=(problem, Problem), funnel=(funnel, Funnel))
-    if not isinstance(segment, Segment | Tube) or segment not in problem.path.distinct:
+    if not any(segment is own or segment == own for own in problem.path.distinct):
         refuse("segment", "one of problem.path.distinct", segment)
     require_fit(problem, [funnel])
 
@@ -145,29 +145,13 @@ def falsify(
     alone = replace(problem, path=Path(problem.path.name, (segment,)))  # its sets are told apart below
     chain = chain_of(alone, funnel.template, funnel.beta_lower, funnel.beta_inner, unit)
     here = instance_of(problem, segment, funnel.template, funnel.beta_lower, funnel.beta_inner)
-    inverse = np.linalg.inv(funnel.shape)
-    inlet, goal = np.array(problem.inlet.half_axes), np.array(problem.goal_axes)
-    end, last = funnel.end_level, 0.0 if isinstance(segment, Tube) else segment.duration
-    widest_at = 0.0 if end <= 1 else last
-    points: list[WorstPoint] = []
+    last = segment.last_theta
+    points = [
+        WorstPoint(condition, float(slack), theta, tuple(float(value) for value in x))
+        for condition, slack, theta, x in containment_points(here, funnel, last)
+    ]
 
-    def note(condition: str, slack: float, theta: float, x: np.ndarray) -> None:
-        points.append(WorstPoint(condition, float(slack), theta, tuple(float(value) for value in x)))
-
-    if here.starts:
-        values, vectors = np.linalg.eigh(funnel.shape * np.outer(inlet, inlet))  # q on the boundary of I
-        note("a", 1 - values[-1], 0.0, inlet * vectors[:, -1])
-    if here.ends:
-        values, vectors = np.linalg.eigh(funnel.shape * np.outer(goal, goal))
-        note("b", values[0] / end - 1, last, goal * vectors[:, 0])
-    safe = np.asarray(here.safe)
-    face = int(np.argmin(safe**2 / np.diag(inverse)))
-    slack = safe[face] ** 2 / inverse[face, face] / max(1.0, end) - 1
-    note("c", slack, widest_at, safe[face] * inverse[:, face] / inverse[face, face])
-    if problem.obstacles:
-        note("c", *_nearest(funnel, here.clearance, inverse))
-
-    factor = np.repeat(np.linalg.cholesky(inverse)[None, None], GROUPS, axis=0)
+    factor = np.repeat(np.linalg.cholesky(np.linalg.inv(funnel.shape))[None, None], GROUPS, axis=0)
     change = np.full((GROUPS, 1), funnel.rate * float(here.duration))
     rng = np.random.default_rng(seed)
     search = partial(_searched, problem.vehicle, funnel.template, chain, factor, change, SEARCH)
@@ -181,12 +165,12 @@ def falsify(
     x, q, _ = traced(shell_points, funnel.template)(here, factor[0, 0], funnel.rate, w, s, station)
     begin, until = float(here.begin[stations[worst[0]]]), float(here.end[stations[worst[0]]])
     theta = _theta_in_shell(funnel, begin, min(until, last), float(np.asarray(q)[0]))
-    note("d", margins.min(), theta, np.asarray(x)[0])
+    points.append(WorstPoint("d", float(margins.min()), theta, tuple(float(value) for value in np.asarray(x)[0])))
     return tuple(points)
 
 
 def stretch_margins(
-    problem: Problem, segment: Segment, funnel: Funnel, stretches: Sequence[Stretch], *, seed: int = 0
+    problem: Problem, segment: Segment, funnel: Funnel, stretches: Sequence[Span], *, seed: int = 0
 ) -> Float[np.ndarray, " s"]:
     """The margin of (d) on each stretch of a segment, as set of references, that its particles found: λ in 1/s.
 
@@ -194,7 +178,7 @@ def stretch_margins(
     stretches.
     """
     require_question(problem, segment, funnel)
-    stretches, seed = instances("stretches", stretches, Stretch), whole("seed", seed, 0)
+    stretches, seed = instances("stretches", stretches, Span), whole("seed", seed, 0)
     levels = funnel.beta_lower, funnel.beta_inner
     instance = instance_of(problem, segment, funnel.template, *levels, stretches=stretches)
     chain = Chain(jax.tree.map(lambda values: np.asarray(values)[None], instance), np.zeros((0, 2), int))
@@ -209,21 +193,6 @@ def stretch_margins(
     of_stretch = found.particles.station[0, 0][None] == np.arange(len(stretches))[:, None]
     margins = [_without_nan(found.margins[:, :, own]).min() for own in of_stretch]
     return np.array(margins)
-
-
-def _nearest(
-    funnel: Funnel, clearance: Clearance, inverse: Float[np.ndarray, "n n"]
-) -> tuple[float, float, Float[np.ndarray, " n"]]:
-    """Slack, θ and deviation at which the footprint comes closest to an obstacle."""
-    theta, gap, reach, swing = map(np.asarray, clearance)
-    level = funnel.level(theta)
-    wide = np.sqrt(np.einsum("pdi,ij,pdj->pd", reach, inverse, reach))
-    left = gap - np.sqrt(level)[:, None] * wide - (swing * level * inverse[0, 0])[:, None]
-    place = int(np.argmin(left.max(axis=1)))
-    normal = int(np.argmax(left[place]))
-    half = np.sqrt(level[place]) * wide[place, normal]  # of the funnel along n
-    x = gap[place, normal] / wide[place, normal] ** 2 * inverse @ reach[place, normal]
-    return float((gap[place, normal] / half) ** 2 - 1), float(theta[place]), x
 
 
 def _theta_in_shell(funnel: Funnel, begin: float, end: float, q: float) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from cfjax.funnel.funnel import Funnel
-from cfjax.funnel.instance import Chain, Instance
+from cfjax.funnel.instance import Chain, Clearance, Instance
 from cfjax.funnel.template import Template
 from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
 from cfjax.problem.vehicle import Scalar
@@ -144,6 +144,46 @@ def _overlap(template: Template, instance: Instance, inverse: Float[Array, "n n"
     wide = jnp.einsum("pdi,ij,pdj->pd", reach, inverse, reach)
     needed = jnp.sqrt(level)[:, None] * jnp.sqrt(wide) + (swing * level * inverse[0, 0])[:, None]
     return (CLEAR - jnp.max(gap - needed, axis=1)) / jnp.asarray(instance.inlet)[1]
+
+
+def containment_points(
+    instance: Instance, funnel: Funnel, last: float
+) -> list[tuple[str, float, float, Float[np.ndarray, " n"]]]:
+    """Where (a), (b), (c) are closest to failing: condition, slack, θ (s) and deviation; `last` is the θ of the end.
+
+    A slack is relative, positive where the condition holds, and exact up to rounding.
+    """
+    inverse, end = np.linalg.inv(funnel.shape), funnel.end_level
+    inlet, goal, safe = (np.asarray(values) for values in (instance.inlet, instance.goal, instance.safe))
+    found = []
+    if instance.starts:
+        values, vectors = np.linalg.eigh(funnel.shape * np.outer(inlet, inlet))  # q on the boundary of I
+        found.append(("a", 1 - values[-1], 0.0, inlet * vectors[:, -1]))
+    if instance.ends:
+        values, vectors = np.linalg.eigh(funnel.shape * np.outer(goal, goal))
+        found.append(("b", values[0] / end - 1, last, goal * vectors[:, 0]))
+    face = int(np.argmin(safe**2 / np.diag(inverse)))
+    slack = safe[face] ** 2 / inverse[face, face] / max(1.0, end) - 1
+    widest_at = 0.0 if end <= 1 else last
+    found.append(("c", slack, widest_at, safe[face] * inverse[:, face] / inverse[face, face]))
+    if len(instance.clearance.theta):
+        found.append(("c", *_nearest(funnel, instance.clearance, inverse)))
+    return found
+
+
+def _nearest(
+    funnel: Funnel, clearance: Clearance, inverse: Float[np.ndarray, "n n"]
+) -> tuple[float, float, Float[np.ndarray, " n"]]:
+    """Slack, θ and deviation at which the footprint comes closest to an obstacle."""
+    theta, gap, reach, swing = map(np.asarray, clearance)
+    level = funnel.level(theta)
+    wide = np.sqrt(np.einsum("pdi,ij,pdj->pd", reach, inverse, reach))
+    left = gap - np.sqrt(level)[:, None] * wide - (swing * level * inverse[0, 0])[:, None]
+    place = int(np.argmin(left.max(axis=1)))
+    normal = int(np.argmax(left[place]))
+    half = np.sqrt(level[place]) * wide[place, normal]  # of the funnel along n
+    x = gap[place, normal] / wide[place, normal] ** 2 * inverse @ reach[place, normal]
+    return float((gap[place, normal] / half) ** 2 - 1), float(theta[place]), x
 
 
 def link_excess(template: Template, chain: Chain, factors: Float[Array, "k n n"], rates: Float[Array, " k"]) -> Array:

@@ -23,6 +23,13 @@ LATERAL = 1
 class Funnel:
     """Candidate or proven control funnel function on one segment: V(θ, x) of `template` with q = xᵀ C x, β = 1.
 
+    >>> from cfjax import Contracting
+    >>> funnel = Funnel(Contracting(), np.diag([4.0, 1.0]), rate=0.5, duration=2.0)
+    >>> funnel.half_widths().tolist()
+    [0.5, 1.0]
+    >>> float(funnel.value(0.0, np.array([0.5, 0.0])))
+    1.0
+
     Args:
         template: the family of V.
         shape: C (n, n), symmetric positive definite; units: 1 over those of the states, squared.
@@ -72,7 +79,7 @@ class Funnel:
     @property
     def end_level(self) -> float:
         """ρ(T)."""
-        return 1.0 if np.isinf(self.duration) else float(self.level(self.duration))
+        return float(self.level(self.duration)) if self.rate else 1.0
 
     def form(self, x: Float[np.ndarray, "*batch n"]) -> Float[np.ndarray, "*batch"]:
         """q = xᵀ C x."""

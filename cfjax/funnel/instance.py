@@ -36,7 +36,7 @@ class Unit(enum.Enum):
     BALANCED = 0.95  # exponent of the speed, relative to the slowest
 
 
-class Stretch(NamedTuple):
+class Span(NamedTuple):
     """Part of a segment, θ from begin to end (s), as the set of references within bounds that hold there.
 
     With bounds of the curvature's rate (dκ/dθ, 1/(m s)) one input has to do for all of them (`cfjax.check.structure`).
@@ -137,19 +137,18 @@ def instance_of(
     beta_lower: float,
     beta_inner: float | None = None,
     unit: Unit = Unit.SECOND,
-    stretches: Sequence[Stretch] = (),
+    stretches: Sequence[Span] = (),
 ) -> Instance:
     """The numbers that the conditions on one funnel need; `beta_inner` is beta_lower unless given.
 
     A segment is looked at by `stretches`, of one and the same shape, where some are given.
     """
-    tube = segment if isinstance(segment, Tube) else None
-    duration = 1.0 if tube else segment.duration
+    duration = segment.last_theta or 1.0  # of a tube any will do
     places, references, nominal = _stations(segment, duration, stretches)
-    mirror = mirror_signs(problem.vehicle) if tube and tube.curvature.middle == 0 else None
-    if tube and mirror:
-        half = references.shape[1] // 2 if tube.curvature.half else 0  # the upper end of the curvature
-        references, nominal = references[:, half:], nominal[:, half:]
+    mirror = mirror_signs(problem.vehicle) if segment.has_mirror_images else None
+    if mirror:
+        upper = nominal[0, :, 0] >= 0  # of the curvature
+        references, nominal = references[:, upper], nominal[:, upper]
     parity = np.array(mirror or (1,) * problem.dimension)
     speed = references[..., 1]
     kinds, kind = problem.path.kinds, problem.path.distinct.index(segment)
@@ -158,7 +157,7 @@ def instance_of(
     may_grow = may_grow and len(kinds) == 1 and not problem.path.closed
     safe = np.array(problem.safe.half_widths if problem.safe else (np.inf,) * problem.dimension)
     safe[0] = min(safe[0], np.pi)
-    bounds = (0.0, 0.0) if tube else template.change_bounds(beta_lower, may_grow)
+    bounds = template.change_bounds(beta_lower, may_grow) if segment.last_theta else (0.0, 0.0)
     return Instance(
         references=ReferencePoint(*np.moveaxis(references, -1, 0)),
         nominal=ReferencePoint(*np.moveaxis(nominal, -1, 0)),
@@ -181,7 +180,7 @@ def instance_of(
 
 
 def _stations(
-    segment: Segment | Tube, duration: float, stretches: Sequence[Stretch]
+    segment: Segment | Tube, duration: float, stretches: Sequence[Span]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Begin and end (s, 2), extreme references (s, groups, members, 4) and nominal ones (s, groups, 4)."""
     if stretches:
@@ -190,11 +189,11 @@ def _stations(
         rates = [stretch.curvature_rate for stretch in stretches if stretch.curvature_rate]
         references = _vertices(bounds, rates) if rates else _extremes(bounds)
         return places, references, references[:, :, -1]  # the fastest of each group, or the middle of its box
-    if isinstance(segment, Tube) or segment.is_steady:
+    if segment.is_steady:
         places = np.array([[0.0, duration]])
         return places, np.array([segment.references()], float), np.array([segment.nominal()], float)
     places = np.repeat(np.linspace(0.0, duration, PLACES)[:, None], 2, axis=1)
-    points = np.array(segment.points(places[:, 0]), float)
+    points = np.array(segment.samples(PLACES), float)
     return places, points[:, None, None, :], points[:, None, :]
 
 

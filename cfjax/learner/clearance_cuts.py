@@ -2,7 +2,7 @@
 
 Any separating half-plane of the plane will do, and at a place where a candidate reaches over all of a fan, it is the
 one that is best for this candidate by which all others are judged from then on: a choice like a demonstrated input,
-and counted as one (`cfjax.learner.run.Run.half_planes`).
+and counted as one (`cfjax.learner.run.EliminationRun.half_planes`).
 """
 
 import numpy as np

@@ -25,7 +25,7 @@ from cfjax.learner.demonstrations import Demonstrate, demonstrated, vertices
 from cfjax.learner.elimination import Elimination
 from cfjax.learner.localise import GivenUp, Localised, Reply, Undecided
 from cfjax.learner.revision import revised
-from cfjax.learner.run import Run
+from cfjax.learner.run import EliminationRun
 from cfjax.learner.witnesses import Witnesses, dynamics, falling
 from cfjax.problem import Problem
 
@@ -100,10 +100,12 @@ class FunnelOracle:
             return Reply(self.contained.cut(falling(self.coordinates, self.witnesses, self.asked)), afresh=True)
         return Reply(falling(self.coordinates, new, self.asked))
 
-    def run(self, search: Localised) -> Run:
+    def run(self, search: Localised) -> EliminationRun:
         """The whole search in one object."""
         margin, funnel = self.best
-        return Run(self.how, self.coordinates, search, funnel, margin, self.asked, self.witnesses, self.half_planes)
+        return EliminationRun(
+            self.how, self.coordinates, search, funnel, margin, self.asked, self.witnesses, self.half_planes
+        )
 
     def _nothing(self) -> Polytope:
         return Polytope(np.zeros((0, len(self.coordinates.lower))), np.zeros(0))

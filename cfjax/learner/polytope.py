@@ -40,7 +40,7 @@ from cfjax.learner.elimination import Elimination
 from cfjax.learner.gradient import Learned
 from cfjax.learner.localise import localise
 from cfjax.learner.oracle import FunnelOracle
-from cfjax.learner.run import PolytopeLearned, Run, at_rates
+from cfjax.learner.run import EliminationRun, PolytopeLearned, at_rates
 from cfjax.problem import Problem
 
 
@@ -82,7 +82,7 @@ def learn_polytope(
         raise InputError("polytope.demonstrations: expected revised where no demonstrator is given")
     lowest, highest = (float(bound[0]) for bound in chain.funnels.change_bounds)
     asked = [None] if isinstance(template, Paper) else [c for c in changes if lowest <= c <= highest]
-    runs: list[Run] = []
+    runs: list[EliminationRun] = []
     roomless: list[float | None] = []
     for k, change in enumerate(asked):
         coordinates = Coordinates.of(template, chain, beta_lower, beta_inner, change)
@@ -118,8 +118,7 @@ def learn_polytope(
 
 def _chain(problem: Problem, template: Template, beta_lower: float, beta_inner: float | None) -> Chain:
     """The numbers of the one funnel whose coefficients are looked for."""
-    if problem.path.tube:
-        raise InputError("learner=polytope: expected a path, got a tube")
+    problem.path.require_course()
     if len(problem.path.distinct) > 1:
         raise InputError(
             f"learner=polytope: expected one distinct segment, got {len(problem.path.distinct)}: its coefficients are "
@@ -136,7 +135,9 @@ def _chain(problem: Problem, template: Template, beta_lower: float, beta_inner: 
     return chain
 
 
-def _learned(problem: Problem, chain: Chain, found: Run, runs: Sequence[Run], seed: int) -> Learned:
+def _learned(
+    problem: Problem, chain: Chain, found: EliminationRun, runs: Sequence[EliminationRun], seed: int
+) -> Learned:
     funnel = found.funnel
     assert funnel is not None
     factor = np.linalg.cholesky(np.linalg.inv(funnel.shape))[None]

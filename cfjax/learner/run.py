@@ -17,7 +17,7 @@ from cfjax.learner.witnesses import Witnesses, steepness
 
 
 @dataclass(frozen=True)
-class Run:
+class EliminationRun:
     """One search: all there is for `paper`, one rate of `contracting`."""
 
     how: Elimination
@@ -112,7 +112,7 @@ class PolytopeLearned:
 
     learned: Learned | None  # as of the gradient learner
     message: str
-    runs: tuple[Run, ...]
+    runs: tuple[EliminationRun, ...]
 
     @property
     def funnels(self) -> tuple[Funnel, ...] | None:

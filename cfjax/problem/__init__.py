@@ -19,7 +19,7 @@ from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle
 
 
 if TYPE_CHECKING:  # of curves: they bring SciPy, which a straight line and a circle do without
-    from cfjax.problem.curves import ellipse, figure_eight, obstacle_path, oval, slalom
+    from cfjax.problem.named_curves import ellipse, figure_eight, obstacle_path, oval, slalom
     from cfjax.problem.point_path import waypoints
 
 

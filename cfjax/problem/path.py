@@ -5,6 +5,7 @@ needed for pictures, for files and by a car that knows where it is. θ is the ti
 at rate u0 along the clock.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -143,6 +144,35 @@ class Segment:
         """True when nothing depends on θ: the deviation dynamics are the same all along."""
         return self.turn_rate.is_constant and self.speed.is_constant
 
+    @property
+    def profiles(self) -> tuple[Profile, ...]:
+        """What the dynamics see of it, wherever it lies."""
+        return self.turn_rate, self.speed
+
+    @property
+    def last_theta(self) -> float:
+        """Where a funnel along it ends, s."""
+        return self.duration
+
+    @property
+    def has_mirror_images(self) -> bool:
+        """Whether with each reference its mirror image is meant too."""
+        return False
+
+    @cached_property
+    def top_speed(self) -> float:
+        """m/s: at one of the profile's breaks, or where its slope vanishes; samples would miss it by a little."""
+        if self.speed.is_constant:
+            return self.speed.coefficients[0][0]
+        profile = self.speed.polynomial
+        still = profile.derivative().roots(discontinuity=False, extrapolate=False)  # NaN where it vanishes all along
+        candidates = np.concatenate([profile.x, still[np.isfinite(still)]])
+        # at a break profile(x) is of the later piece: both sides count
+        right = [
+            np.polynomial.Polynomial(c)(h) for c, h in zip(self.speed.coefficients, np.diff(profile.x), strict=True)
+        ]
+        return float(max(*right, *profile(candidates)))
+
     def references(self) -> list[list[ReferencePoint]]:
         """The extreme references (`cfjax.problem.tube`) of a steady segment: there is but one."""
         return [[self.point(0.0)]]
@@ -150,6 +180,18 @@ class Segment:
     def nominal(self) -> list[ReferencePoint]:
         """For each group of extreme references the one at which the signs of the inputs' authorities are read."""
         return [self.point(0.0)]
+
+    def middle(self) -> ReferencePoint:
+        """The reference that stands for all of them: of a steady segment the only one."""
+        return self.point(0.0)
+
+    def samples(self, count: int) -> list[ReferencePoint]:
+        """References to look at: at `count` places, or at one where all are alike."""
+        return self.points(self.places(count))
+
+    def places(self, count: int) -> Float[np.ndarray, " n"]:
+        """θ (s) of `samples`."""
+        return np.zeros(1) if self.is_steady else np.linspace(0.0, self.duration, count)
 
     def point(self, theta: float) -> ReferencePoint:
         """Profile at θ (s): turn rate, speed and their slopes."""
@@ -206,7 +248,7 @@ class Path:
         )
         if not self.segments:
             raise InputError(f"path {self.name}: expected at least one segment, got none")
-        if len(self.segments) > 1 and any(isinstance(segment, Tube) for segment in self.segments):
+        if len(self.segments) > 1 and not math.isfinite(self.duration):
             raise InputError(f"path {self.name}: expected a tube alone, it has no end to which another could join")
 
     @property
@@ -214,11 +256,36 @@ class Path:
         """The segments of a path that has a course; none for a tube."""
         return tuple(segment for segment in self.segments if isinstance(segment, Segment))
 
+    def require_course(self) -> tuple[Segment, ...]:
+        """The same, for whoever cannot do without.
+
+        Raises:
+            InputError: for a tube.
+        """
+        if not self.curve:
+            raise InputError(f"path {self.name}: expected segments, got a tube, which has no course to follow")
+        return self.curve
+
+    def require_tube(self) -> Tube:
+        """The tube, for whoever cannot do without.
+
+        Raises:
+            InputError: for a path that has a course.
+        """
+        if self.tube is None:
+            raise InputError(f"path: expected a tube, got {self.name}")
+        return self.tube
+
+    @property
+    def duration(self) -> float:
+        """T of all segments together, s; infinite for a tube."""
+        return float(sum(segment.duration for segment in self.segments))
+
     @cached_property
     def kinds(self) -> tuple[int, ...]:
         """For each segment, which of the `distinct` ones it repeats: in the body frame that is the same problem."""
         found: dict[object, int] = {}
-        return tuple(found.setdefault(_course(segment), len(found)) for segment in self.segments)
+        return tuple(found.setdefault(segment.profiles, len(found)) for segment in self.segments)
 
     @cached_property
     def distinct(self) -> tuple[Segment | Tube, ...]:
@@ -246,11 +313,6 @@ class Path:
         return first if isinstance(first, Tube) else None
 
 
-def _course(segment: Segment | Tube) -> object:
-    """What the dynamics see of it, wherever it lies."""
-    return (segment.turn_rate, segment.speed) if isinstance(segment, Segment) else segment
-
-
 def length_of(label: str, value: object) -> float:
     """A length of a path's, m; raises InputError unless it is one on Earth."""
     return _within(f"path.{label}", number(f"path.{label}", value, "m", above=0), "m", SHORTEST, LONGEST)
@@ -271,6 +333,9 @@ def _within(name: str, value: float, unit: str, least: float, most: float) -> fl
 def straight(length: Number = 4.0, speed: Number = 2.0) -> Path:
     """Straight line along +x through the origin, from −length/2 to length/2 (m), at constant speed (m/s).
 
+    >>> straight(length=4.0, speed=2.0).duration
+    2.0
+
     Raises:
         InputError: for numbers that are not positive.
     """
@@ -284,6 +349,10 @@ def circle(radius: Number = 1.5, speed: Number = np.pi / 2, laps: Number = 1.0) 
     """Circle about the origin, counter-clockwise from (radius, 0), at constant speed (m/s); radius in m.
 
     The paper prints the heading as π t/3 beside a position that turns at 1 rad/s; both turn at speed/radius here.
+
+    >>> path = circle(radius=1.5, speed=1.0)
+    >>> round(path.duration, 3), path.closed
+    (9.425, True)
 
     Raises:
         InputError: for numbers that are not positive.
@@ -308,6 +377,9 @@ def tube(
 
     An interval is an `Interval` or its two ends. A number stands for ± itself in curvature and acceleration, and for
     one constant speed.
+
+    >>> tube(curvature=1.8, speed=(1.0, 5.0), acceleration=1.0).require_tube().curvature
+    Interval(lower=-1.8, upper=1.8)
 
     Raises:
         InputError: for other values, and where a path could stand still or run backwards.

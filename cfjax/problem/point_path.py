@@ -2,49 +2,32 @@
 
 Files, columns and units: `cfjax.problem.points`.
 
-The curve is a quintic spline over chord length: its curvature is twice continuously differentiable. The energy E = v²/2
-per kg along arc length s makes the limits on speed plain, for dv/dt = dE/ds:
-
-* v is at most the speed asked for, and √(a_lat/|κ|): nothing in a kinematic model bounds speed in bends;
-* |dE/ds| is at most the thrust that the car may use. The largest such E comes from one pass forwards and one backwards.
-
-A mean over a window makes dE/ds continuous and keeps |dE/ds|; it keeps the limits on speed because these were replaced
-by their minima over the same window before. What polynomials (`cfjax.problem.curves`) miss of that is paid for by
-driving the whole profile a little slower: time stretched by c divides speed by c and acceleration by c².
+The curve: `cfjax.problem.point_curve`; the speed along it: `cfjax.problem.point_speed`.
 """
 
 import math
-import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as File
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
-from scipy.interpolate import Akima1DInterpolator, BSpline, CubicHermiteSpline, PPoly, make_interp_spline, splprep
-from scipy.ndimage import minimum_filter1d
 
 from cfjax import coerce
 from cfjax.coerce import Number
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve, path_along
-from cfjax.problem.path import Path, Profile, Segment, length_of, speed_of
-from cfjax.problem.points import LONGEST, Course, Points, Source, at, course_of, metres, read_points
+from cfjax.problem.path import Path, length_of, speed_of
+from cfjax.problem.point_curve import Limits, Rough, check_bends, curve_through, samples
+from cfjax.problem.point_speed import looked_at, slowed, speed_along, speed_cap
+from cfjax.problem.points import LONGEST, Points, Source, at, metres, read_points
+from cfjax.problem.route import Route, route_of
 from cfjax.problem.vehicle import KinematicBicycle, Vehicle
 
 
-SPEED = 2.0  # m/s, where neither the file nor the caller says
-WHEELBASE = 0.34  # m, of the car for which lengths and tolerances are right as they stand; they scale with it
 SEGMENT_LENGTH = 10.0  # m, of that car's path where the caller says nothing
 SEGMENTS = 256  # at most, where the caller says nothing: all of their pieces stand in one certificate
 MOST_SEGMENTS = 10_000
-MOST_POINTS = 100_000  # with those that fill gaps
-STRAIGHT = 1e-12  # of the extent: points that leave a line by less are on it
-LONGEST_GAP = 2.0  # of the median distance between neighbours: where points are farther apart the spline gets more
-SAMPLES_PER_POINT = 64  # at which curvature is looked at
-SHARPEST = 0.5  # rad between two samples: a cusp, whatever the curvature at the samples is
 BACK = 2.2  # rad: the way turns back where it turns by more at a point, and over the points around it too
 MOST_SMOOTHED = 20_000  # points for which a smoothing is looked for
 SETTLED = 0.7  # a smoothing that takes more than the rest of the largest curvature away has still noise to take
@@ -54,38 +37,6 @@ SHORT = 5.0  # wheelbases: a path in all that the car cannot follow may be in an
 ROUND = 0.1  # of the points' distance from their middle: a larger smoothing takes away the path, not its noise
 MANY = 20  # points whose distances say something
 RESERVE = 0.2  # where the caller says nothing
-GRID = 4096  # cells of the speed profile, at least
-CELL = 0.05  # m, at most, for that car
-SMOOTHING_TIME = 0.25  # s: over so much at top speed, either way, acceleration is smoothed
-THRUST_HEADROOM = 0.02  # relative: for what the polynomials miss, so that the whole need not be slower
-BEND_HEADROOM = 5e-3
-ROUNDING = 1e-12
-ALIKE = 1e-9  # relative: bends that differ by less are equally tight
-LEAST_CHANGE = 1e-6  # relative: a speed that varies by less is constant
-
-
-class _Limits(NamedTuple):
-    """What the path keeps."""
-
-    speed: float | None  # m/s
-    lateral: float  # m/s²
-    thrust: float  # m/s²
-    reserve: float
-    car: KinematicBicycle | None  # None: one of whose steering nothing is known
-
-    @property
-    def bend(self) -> float:
-        """1/m."""
-        return math.inf if self.car is None else (1 - self.reserve) * self.car.max_tan_steering / self.car.wheelbase
-
-    @property
-    def scale(self) -> float:
-        """By how much the car is larger than the one of the constants; 1 where its size is not known."""
-        return 1.0 if self.car is None else self.car.wheelbase / WHEELBASE
-
-
-class _Rough(InputError):
-    """The points make no curve that the car can drive; less of their noise might."""
 
 
 @np.errstate(over="ignore", divide="ignore", invalid="ignore")  # what is not finite is refused by name
@@ -114,6 +65,10 @@ def waypoints(
     mapping, a data frame).
 
     How everything was taken stands in one line in the path's `source`, and in `doubt` why another unit may be meant.
+
+    >>> path = waypoints([(0.0, 0.0), (4.0, 0.0), (8.0, 1.0), (12.0, 1.0)], speed=2.0)
+    >>> path.source
+    'points: 4 points, 12.2 m, open (ends 12.0 m apart), 2 m/s, smallest radius 9.52 m, columns 1 (x), 2 (y)'
 
     Args:
         file: the file's name, or the points.
@@ -148,7 +103,7 @@ def waypoints(
     if least_speed is not None and least_speed > (speed or math.inf):
         raise InputError(f"path.least_speed: expected at most path.speed, {speed} m/s, got {least_speed}")
 
-    course = course_of(_moving(read_points(file, columns), least_speed), closed)
+    route = route_of(_moving(read_points(file, columns), least_speed), closed)
     car = vehicle if isinstance(vehicle, KinematicBicycle) else None
     if car is None and reserve != RESERVE:
         raise InputError(
@@ -160,23 +115,23 @@ def waypoints(
         thrust = min(thrust, acceleration)
     elif car is None:
         raise InputError(f"path.acceleration: expected a number, as the thrust of a {vehicle.name} is not known")
-    limits = _Limits(speed, lateral_acceleration, thrust, reserve, car)
-    _check_size(course.points, car)
-    _check_smoothing(course.points, smoothing)
+    limits = Limits(speed, lateral_acceleration, thrust, reserve, car)
+    _check_size(route.points, car)
+    _check_smoothing(route.points, smoothing)
     try:
-        return _path(course, limits, segment_length, smoothing)
-    except _Rough as rough:
-        _check_back(course)
-        way_out = _way_out(course, limits, segment_length, smoothing)
-        raise InputError(f"{rough}{way_out or _short(course, car)}") from None
+        return _path(route, limits, segment_length, smoothing)
+    except Rough as rough:
+        _check_back(route)
+        way_out = _way_out(route, limits, segment_length, smoothing)
+        raise InputError(f"{rough}{way_out or _short(route, car)}") from None
 
 
-def _path(course: Course, limits: _Limits, segment_length: float | None, smoothing: float) -> Path:
-    points, closed = course.points, course.closed
-    curve, knots = _curve(points, closed, smoothing)
-    _check_bends(course, curve, limits)
-    cap = _cap(points, curve, knots, closed, limits.speed)
-    profile = _speed(curve, cap, limits, closed)
+def _path(route: Route, limits: Limits, segment_length: float | None, smoothing: float) -> Path:
+    points, closed = route.points, route.closed
+    curve, knots = curve_through(points, closed, smoothing)
+    check_bends(route, curve, limits)
+    cap = speed_cap(points, curve, knots, closed, limits.speed)
+    profile = speed_along(curve, cap, limits, closed)
     if segment_length is None:
         segment_length = max(limits.scale * SEGMENT_LENGTH, curve.length / SEGMENTS)
     if curve.length > MOST_SEGMENTS * segment_length:
@@ -188,25 +143,25 @@ def _path(course: Course, limits: _Limits, segment_length: float | None, smoothi
     try:
         path = path_along("waypoints", curve, profile, segments=count, scale=limits.scale)
     except InputError as error:
-        raise _Rough(f"{points.source}: {error}") from None
-    path = _slowed(path, cap, limits.lateral, limits.thrust)
-    return replace(path, source=_account(course, path, curve, limits, smoothing), doubt=_large(course, curve, limits))
+        raise Rough(f"{points.source}: {error}") from None
+    path = slowed(path, cap, limits.lateral, limits.thrust)
+    return replace(path, source=_account(route, path, curve, limits, smoothing), doubt=_large(route, curve, limits))
 
 
 # --- what is said of the points
 
 
-def _account(course: Course, path: Path, curve: Curve, limits: _Limits, smoothing: float) -> str:
+def _account(route: Route, path: Path, curve: Curve, limits: Limits, smoothing: float) -> str:
     """How the points were taken, in one line."""
-    points, meaning = course.points, course.points.meaning
+    points, meaning = route.points, route.points.meaning
     polynomials = [segment.speed.polynomial for segment in path.curve]
-    speeds = np.concatenate([polynomial(_looked_at(polynomial)) for polynomial in polynomials])
+    speeds = np.concatenate([polynomial(looked_at(polynomial)) for polynomial in polynomials])
     least, most = float(speeds.min()), float(speeds.max())
-    bend = float(np.abs(curve.curvature(_samples(curve))).max())
+    bend = float(np.abs(curve.curvature(samples(curve))).max())
     said = [
         f"{len(points.place)} points",
         metres(curve.length),
-        course.account,
+        route.account,
         f"{most:.3g} m/s" if most - least < 1e-3 * most else f"{least:.3g} to {most:.3g} m/s",
         f"smallest radius {metres(1 / bend)}" if bend * curve.length > 1e-6 else "straight",
         *([f"smoothed by {smoothing:g} m"] if smoothing else []),
@@ -275,13 +230,13 @@ def _check_smoothing(points: Points, smoothing: float) -> None:
         )
 
 
-def _large(course: Course, curve: Curve, limits: _Limits) -> str:
+def _large(route: Route, curve: Curve, limits: Limits) -> str:
     """Why the points may be in a smaller unit than m, where nobody said it; empty where nothing speaks for it."""
-    car, points = limits.car, course.points
+    car, points = limits.car, route.points
     if car is None or points.meaning.units:
         return ""
     steps = np.abs(np.diff(points.place)) / car.wheelbase
-    u = _samples(curve)
+    u = samples(curve)
     headings = np.unwrap(np.angle(curve.first(u)))
     radius = 1 / max(float(np.abs(curve.curvature(u)).max()), 1e-300) / car.wheelbase
     found = []
@@ -298,20 +253,20 @@ def _large(course: Course, curve: Curve, limits: _Limits) -> str:
     )
 
 
-def _short(course: Course, car: KinematicBicycle | None) -> str:
+def _short(route: Route, car: KinematicBicycle | None) -> str:
     """For the message about a path that the car cannot follow: that it may be in a larger unit than m."""
-    if car is None or course.points.meaning.units:
+    if car is None or route.points.meaning.units:
         return ""
-    length = float(np.abs(np.diff(course.points.place)).sum())
+    length = float(np.abs(np.diff(route.points.place)).sum())
     if length > SHORT * car.wheelbase:
         return ""
     return f"; {metres(length)} in all are {length / car.wheelbase:.3g} wheelbases: are the points in m?"
 
 
-def _check_back(course: Course) -> None:
+def _check_back(route: Route) -> None:
     """Raises InputError where the way through the points turns back at one of them, and over those around it."""
-    place = course.points.place
-    if course.closed:
+    place = route.points.place
+    if route.closed:
         place = place[np.arange(-4, len(place) + 5) % len(place)]
     chords = np.diff(place)
     turns = np.abs(np.angle(chords[1:] * np.conj(chords[:-1])))
@@ -322,26 +277,26 @@ def _check_back(course: Course) -> None:
             if (before := max(vertex - n, 0)) < vertex
         ]
         if all(abs(turn) > BACK for turn in around):
-            index = (int(vertex) - 4) % len(course.points.place) if course.closed else int(vertex)
+            index = (int(vertex) - 4) % len(route.points.place) if route.closed else int(vertex)
             raise InputError(
-                f"{course.points.at(index)}: the path turns back on itself at {at(place[vertex])} (a cusp); expected a "
+                f"{route.points.at(index)}: the path turns back on itself at {at(place[vertex])} (a cusp); expected a "
                 "way that is driven forwards: driving backwards is not planned; cut the points there"
             )
 
 
-def _way_out(course: Course, limits: _Limits, segment_length: float | None, smoothing: float) -> str:
+def _way_out(route: Route, limits: Limits, segment_length: float | None, smoothing: float) -> str:
     """The least smoothing with which these very points make a path, for the message; empty where none does."""
-    spacing = float(np.median(np.abs(np.diff(course.points.place))))
-    if len(course.points.place) > MOST_SMOOTHED:
+    spacing = float(np.median(np.abs(np.diff(route.points.place))))
+    if len(route.points.place) > MOST_SMOOTHED:
         return ""
     exponents = range(math.floor(math.log10(spacing)), math.floor(math.log10(spacing)) - 3, -1)
     values = [float(f"{digit}e{exponent}") for exponent in exponents for digit in (5, 2, 1)]
     bends: list[tuple[float, float]] = []
     for value in (value for value in values if smoothing < value <= spacing):  # large ones take the least time
         try:
-            curve = _curve(course.points, course.closed, value)[0]
-            _check_bends(course, curve, limits)
-            bends.insert(0, (value, float(np.abs(curve.curvature(_samples(curve))).max())))
+            curve = curve_through(route.points, route.closed, value)[0]
+            check_bends(route, curve, limits)
+            bends.insert(0, (value, float(np.abs(curve.curvature(samples(curve))).max())))
         except InputError:
             if bends:
                 break
@@ -349,7 +304,7 @@ def _way_out(course: Course, limits: _Limits, segment_length: float | None, smoo
         if index + 1 < len(bends) and bends[index + 1][1] <= SETTLED * bend:  # there is noise left in it
             continue
         with suppress(InputError):
-            _path(course, limits, segment_length, value)
+            _path(route, limits, segment_length, value)
             return f"; for points with noise, or rounded ones, path.smoothing={value:g} (m, past the points) does it"
     return ""
 
@@ -358,232 +313,3 @@ def _nice(value: float) -> float:
     """A number of one digit, not above this one."""
     unit = 10.0 ** math.floor(math.log10(value))
     return math.floor(value / unit) * unit
-
-
-# --- the curve
-
-
-def _curve(rows: Points, closed: bool, smoothing: float) -> tuple[Curve, np.ndarray]:
-    """The spline, and the parameters (chord length, m) of the points; of a lap with the first one at the end again."""
-    origin = rows.place[0]  # maps count from far away: there the differences of coordinates have few digits
-    place = (np.append(rows.place, origin) if closed else rows.place) - origin
-    chords = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(place)))])
-    points = chords
-    along = place * np.conj(place[-1])
-    forwards = np.all(np.diff(along.real) > 0)
-    if not closed and forwards and np.abs(along.imag).max() <= STRAIGHT * abs(place[-1]) ** 2:
-        direction = place[-1] / abs(place[-1])
-        line = Curve(
-            lambda u: origin + direction * u, lambda u: direction + 0 * u, lambda u: 0j * u, (0.0, float(chords[-1]))
-        )
-        return line, points
-    if smoothing:
-        spline = _smooth(rows.source, chords, _columns(place), closed, smoothing)
-    else:
-        place, own = _filled(rows.source, place, chords, closed)
-        chords = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(place)))])
-        if closed:
-            # a periodic spline needs more points than its degree; a cubic one has continuous curvature too
-            spline = make_interp_spline(chords, _columns(place), 5 if len(place) > 6 else 3, bc_type="periodic")
-        else:
-            ends = [(3, np.zeros(2)), (4, np.zeros(2))]  # natural: as if nothing pulled beyond the ends
-            spline = make_interp_spline(chords, _columns(place), 5, bc_type=(ends, ends))
-        points = chords[own]
-
-    def derivative(order: int):
-        own = spline.derivative(order) if order else spline
-        offset = 0.0 if order else origin
-
-        def at(u: np.ndarray) -> np.ndarray:
-            value = own(u)
-            return offset + value[..., 0] + 1j * value[..., 1]
-
-        return at
-
-    inner = np.unique(spline.t[(spline.t > 0) & (spline.t < chords[-1])])
-    knots = tuple(float(u) for u in [0.0, *inner, chords[-1]])
-    return Curve(derivative(0), derivative(1), derivative(2), knots), points
-
-
-def _filled(file: str, place: np.ndarray, chords: np.ndarray, closed: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The points, with more of them in long gaps, and where the own ones are among them.
-
-    A quintic spline that comes from dense points into a long gap swings far out; Akima's curve, which looks at the
-    nearest neighbours alone, does not, and says where it should go.
-    """
-    gaps = np.diff(chords)
-    count = np.maximum(1, np.ceil(gaps / (LONGEST_GAP * np.median(gaps)) - 1e-9)).astype(int)
-    if count.sum() > MOST_POINTS:
-        raise InputError(
-            f"{file}: expected points at more even distances, or at most {MOST_POINTS}: at the median distance, "
-            f"{np.median(gaps):.3g} m, the whole way would need {count.sum()}"
-        )
-    own = np.concatenate([[0], np.cumsum(count)])
-    if count.max() == 1:
-        return place, own
-    around, begin = (np.concatenate([place[-4:-1], place, place[1:4]]), 3) if closed else (place, 0)
-    along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(around)))])
-    at = along[begin : begin + len(place)]
-    fine = np.interp(np.arange(own[-1] + 1), own, at)
-    table = Akima1DInterpolator(along, _columns(around), method="makima")(fine)
-    result = table[:, 0] + 1j * table[:, 1]
-    result[own] = place
-    return result, own
-
-
-def _columns(place: np.ndarray) -> np.ndarray:
-    return np.stack([np.real(place), np.imag(place)], axis=1)
-
-
-def _smooth(file: str, chords: np.ndarray, table: np.ndarray, closed: bool, smoothing: float) -> BSpline:
-    degree = min(5, len(chords) - 1)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            (t, c, k), _ = splprep(table.T, u=chords, k=degree, s=len(chords) * smoothing**2, per=closed)
-    except (RuntimeWarning, ValueError, TypeError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise InputError(f"{file}: no curve of this kind passes the points by {smoothing:g} m ({reason})") from None
-    return BSpline(t, np.array(c).T, k)
-
-
-def _samples(curve: Curve) -> Float[np.ndarray, " n"]:
-    """Parameters at which curvature is looked at."""
-    knots = np.array(curve.knots)
-    return np.unique(np.linspace(knots[:-1], knots[1:], SAMPLES_PER_POINT + 1))
-
-
-def _check_bends(course: Course, curve: Curve, limits: _Limits) -> None:
-    """Raises _Rough where the curve bends more than the steering allows, or turns on the spot."""
-    points, u = course.points, _samples(curve)
-    first = curve.first(u)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        kappa = np.nan_to_num(np.abs(curve.curvature(u)), nan=math.inf)
-    turns = np.abs(np.angle(first[1:] * np.conj(first[:-1])))
-    kappa[:-1][turns > SHARPEST] = math.inf
-    worst = int((kappa >= (1 - ALIKE) * kappa.max()).argmax())  # the first of those that differ by rounding alone
-    if kappa[worst] <= limits.bend and math.isfinite(kappa[worst]):
-        return
-    place = curve.position(u)
-    arc = float(np.abs(np.diff(place[: worst + 1])).sum())
-    near = int(np.abs(points.place - place[worst]).argmin())
-    joint = " (where the lap closes)" if course.closed and near in (0, len(points.place) - 1) else ""
-    where = f"{points.at(near)}: after {arc:.4g} m, at {at(place[worst])}{joint}, the path through the points"
-    car = limits.car
-    if car is None:
-        raise _Rough(f"{where} turns on the spot; expected points of a smooth curve")
-    bend = f"with a radius of {1 / kappa[worst]:.3g} m" if math.isfinite(kappa[worst]) else "on the spot"
-    angles = [math.degrees(math.atan(w)) for w in (kappa[worst] * car.wheelbase, limits.bend * car.wheelbase)]
-    raise _Rough(
-        f"{where} turns {bend}, which takes a steering angle of {angles[0]:.3g}°; expected a radius of at least "
-        f"{1 / limits.bend:.4g} m, {angles[1]:.3g}°, which is what path.reserve={limits.reserve:g} leaves of the car's "
-        f"{math.degrees(math.atan(car.max_tan_steering)):.3g}°"
-    )
-
-
-# --- the speed
-
-
-def _cap(rows: Points, curve: Curve, knots: np.ndarray, closed: bool, speed: float | None) -> PPoly:
-    """The speed asked for (m/s), by arc length (m): linear between points."""
-    if rows.speed is None:
-        level = SPEED if speed is None else speed
-        return PPoly(np.array([[0.0], [level]]), np.array([0.0, curve.length]))
-    wanted = np.minimum(np.append(rows.speed, rows.speed[0]) if closed else rows.speed, speed or math.inf)
-    at = curve.arc_length(knots)
-    return PPoly(np.stack([np.diff(wanted) / np.diff(at), wanted[:-1]]), at)
-
-
-def _speed(curve: Curve, cap: PPoly, limits: _Limits, closed: bool) -> float | PPoly:
-    """v (m/s) by arc length (m), once continuously differentiable, or the one constant speed."""
-    length = curve.length
-    count = max(GRID, math.ceil(length / (limits.scale * CELL)))
-    s = np.linspace(0.0, length, count + 1)
-    step = length / count
-    kappa = np.abs(curve.curvature(curve.at(s)))
-    sideways = (1 - BEND_HEADROOM) * limits.lateral
-    limit = np.minimum(cap(s) ** 2, sideways / np.maximum(kappa, sideways / cap(s) ** 2)) / 2
-    if np.ptp(limit) <= LEAST_CHANGE * limit.min():
-        wanted, allowed = float(cap(0.0)), math.sqrt(2 * limit.min())
-        return wanted if abs(wanted - allowed) <= ROUNDING * wanted else allowed
-    mode, period = ("wrap", limit[:-1]) if closed else ("edge", limit)
-    top = math.sqrt(2 * _passed(limit, step, limits.thrust, closed).max())
-    cells = min(max(1, round(SMOOTHING_TIME * top / step)), count // 8)
-    # of a lap the neighbours of a window are those across its joint; an open path goes on as it ends
-    around = np.pad(period, count if closed else cells, mode=mode)
-    least = minimum_filter1d(around, 2 * cells + 3, mode="nearest")
-    energy = _ramps(least, step, (1 - THRUST_HEADROOM) * limits.thrust)
-    total = np.concatenate([[0.0], np.cumsum(step * (energy[1:] + energy[:-1]) / 2)])
-    index = np.arange(count + 1) + (count if closed else cells)
-    mean = (total[index + cells] - total[index - cells]) / (2 * cells * step)
-    slope = (energy[index + cells] - energy[index - cells]) / (2 * cells * step)
-    if closed:
-        mean[-1], slope[-1] = mean[0], slope[0]
-    v = np.sqrt(2 * mean)
-    if not (v.min() > 0 and np.isfinite(slope / v).all()):
-        raise InputError(
-            f"path.speed: expected speeds and limits that can be computed with, got {v.min():.3g} to {v.max():.3g} m/s"
-        )
-    return CubicHermiteSpline(s, v, slope / v)
-
-
-def _passed(limit: np.ndarray, step: float, thrust: float, closed: bool) -> np.ndarray:
-    around = np.tile(limit, 3) if closed else limit
-    return _ramps(around, step, thrust)
-
-
-def _ramps(limit: Float[np.ndarray, " n"], step: float, thrust: float) -> Float[np.ndarray, " n"]:
-    """The largest energy below the limit whose slope is at most the thrust: one pass forwards, one backwards."""
-    ramp = thrust * step * np.arange(len(limit))
-    forwards = np.minimum.accumulate(limit - ramp) + ramp
-    return (np.minimum.accumulate(forwards[::-1] - ramp) + ramp)[::-1]
-
-
-def _slowed(path: Path, cap: PPoly, lateral: float, thrust: float) -> Path:
-    """The path at the largest part of its speed, at most 1, with which every limit is kept."""
-    excess, passed = 1.0, 0.0
-    for segment in path.curve:
-        speed, turn_rate = segment.speed.polynomial, segment.turn_rate.polynomial
-        theta = _looked_at(speed, speed.derivative(), _product(speed, turn_rate))
-        v = speed(theta)
-        arc = passed + speed.antiderivative()(theta)
-        passed = float(arc[-1])
-        excess = max(
-            excess,
-            float((v / cap(np.clip(arc, 0.0, cap.x[-1]))).max()) ** 2,
-            float(np.abs(turn_rate(theta) * v).max()) / lateral,
-            float(np.abs(speed(theta, 1)).max()) / thrust,
-        )
-    if excess <= 1 + ROUNDING:
-        return path
-    part = 1 / math.sqrt(excess * (1 + ROUNDING))
-    slower = (Segment(_stretched(s.turn_rate, part), _stretched(s.speed, part), s.start) for s in path.curve)
-    return replace(path, segments=tuple(slower))
-
-
-def _product(first: PPoly, second: PPoly) -> PPoly:
-    """Of two piecewise polynomials: one of them is constant, or their breaks are the same."""
-    for one, other in ((first, second), (second, first)):
-        if one.c.shape == (1, 1):
-            return PPoly(one.c[0, 0] * other.c, other.x)
-    columns = zip(first.c.T, second.c.T, strict=True)
-    return PPoly(np.stack([np.convolve(a, b) for a, b in columns], axis=1), second.x)
-
-
-def _looked_at(*polynomials: PPoly) -> np.ndarray:
-    """θ between the ends of pieces, and where one of the polynomials has an extreme value."""
-    breaks = np.unique(np.concatenate([p.x for p in polynomials]))
-    at = [np.linspace(breaks[:-1], breaks[1:], 17).ravel()]
-    for polynomial in polynomials:
-        slope = polynomial.derivative()
-        roots = slope.roots(discontinuity=False, extrapolate=False)  # nan where a piece is constant
-        at.append(roots[np.isfinite(roots)])
-    return np.unique(np.concatenate(at))
-
-
-def _stretched(rate: Profile, part: float) -> Profile:
-    """A rate of motion at a part of the speed: part · rate(part · θ)."""
-    return Profile(
-        tuple(b / part for b in rate.breaks),
-        tuple(tuple(c * part ** (k + 1) for k, c in enumerate(piece)) for piece in rate.coefficients),
-    )

@@ -24,7 +24,7 @@ from cfjax.problem.deviation import (
     in_batches,
 )
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances, footprint_of, obstacles_of
-from cfjax.problem.path import Path, Segment
+from cfjax.problem.path import Path
 from cfjax.problem.sets import Box, Ellipsoid, box, ellipsoid
 from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Vehicle, interval
@@ -69,6 +69,14 @@ class Problem:
 
     Deviations (alpha, x, y, v): heading in rad, lateral and longitudinal position in m, speed in m/s, in the body frame
     of the reference; of a vehicle of one's own its `state_names`.
+
+    >>> from cfjax import circle
+    >>> problem = Problem(circle(radius=1.5, speed=1.0), inlet=0.5, goal=0.5, safe=[1.0, 1.0, 1.0, 3.0], method="tt")
+    >>> problem.inputs[0]
+    Interval(lower=1.0, upper=1.0)
+    >>> Problem(circle(radius=0.3), inlet=0.5)  # tighter than the car can steer
+    Traceback (most recent call last):
+    cfjax.errors.InputError: path: segment 0 at theta = 0 s needs steering angle 48.58°, limit 45° ...
 
     Args:
         path: what to follow: of `cfjax.circle`, `cfjax.waypoints` and the like.
@@ -133,6 +141,8 @@ class Problem:
         self._check_sets()
         if self.path.tube:
             self._check_tube(self.path.tube)
+        elif self.goal is None:
+            coerce.refuse("sets.goal", "a number or half-axes for a path, which ends", None)
         self._check_references()
         self._check_obstacles()
 
@@ -141,8 +151,6 @@ class Problem:
         if heading >= np.pi:
             degrees = f"; {heading:g} degrees are {np.radians(heading):.4g} rad" if heading < 180 else ""
             raise InputError(f"sets.inlet: expected a heading below pi rad, got {heading}{degrees}")
-        if self.goal is None and not self.path.tube:
-            coerce.refuse("sets.goal", "a number or half-axes for a path, which ends", None)
         if self.timing.lower <= 0 or 1.0 not in self.timing:
             coerce.refuse("timing", "0 < lower <= 1 <= upper", [self.timing.lower, self.timing.upper])
         if self.safe:
@@ -150,13 +158,6 @@ class Problem:
                 if start >= limit:
                     raise InputError(
                         f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
-                    )
-        if self.path.tube:
-            for state, start, end in zip(states, self.inlet.half_axes, self.goal_axes, strict=True):
-                if start >= end:
-                    raise InputError(
-                        f"sets.goal: expected more than sets.inlet, {start}, in {state}, for a tube that holds I "
-                        f"and lies in G does not shrink; got {end}"
                     )
 
     @property
@@ -178,7 +179,7 @@ class Problem:
     @cached_property
     def _needed(self) -> tuple[tuple[float, float], ...]:
         """The least and the largest of each input that the reference needs by itself, along the path."""
-        points = [point for segment in self.path.distinct for point in _points(segment)]
+        points = [point for segment in self.path.distinct for point in segment.samples(PLACES)]
         if len(points) > FEW:
             inputs, *_ = _held(self.vehicle, np.array(points, float))
             needed = np.concatenate([np.ones((len(points), 1)), inputs], axis=1)
@@ -223,7 +224,7 @@ class Problem:
     @cached_property
     def side_slip(self) -> float:
         """By how much the vehicle that moves along the path looks to the left of the path's tangent, rad."""
-        moving = (point for segment in self.path.segments for point in _points(segment) if point.speed)
+        moving = (point for segment in self.path.segments for point in segment.samples(PLACES) if point.speed)
         return next(map(self._side_slip, moving), 0.0)
 
     def _side_slip(self, point: ReferencePoint) -> float:
@@ -255,11 +256,11 @@ class Problem:
 
     def _check_references(self) -> None:
         """Along all segments: what is not as it has to be is named at the first place where it is not."""
+        first = dict(zip(reversed(self.path.kinds), reversed(tuple(enumerate(self.path.curve))), strict=False))
         places = [
-            (self.path.kinds.index(kind), theta, point)
-            for kind, segment in enumerate(self.path.distinct)
-            if isinstance(segment, Segment)
-            for theta, point in zip(_grid(segment), _points(segment), strict=True)
+            (index, theta, point)
+            for index, segment in sorted(first.values(), key=lambda each: each[0])
+            for theta, point in zip(segment.places(PLACES), segment.samples(PLACES), strict=True)
         ]
         for at in self._doubtful([point for *_, point in places]):
             index, theta, point = places[at]
@@ -290,6 +291,14 @@ class Problem:
 
     def _check_tube(self, tube: Tube) -> None:
         """Every path of a tube can be followed if the extreme ones can: feed-forward is monotone in each bound."""
+        for state, start, end in zip(self.vehicle.state_names, self.inlet.half_axes, self.goal_axes, strict=True):
+            if start >= end:
+                raise InputError(
+                    f"sets.goal: expected more than sets.inlet, {start}, in {state}, for a tube that holds I "
+                    f"and lies in G does not shrink; got {end}"
+                )
+        if self.obstacles:
+            raise InputError("sets.obstacles: expected none for a tube, which has no place")
         for group in tube.references():
             for point in group:
                 straight = point._replace(turn_rate=0.0)
@@ -310,8 +319,6 @@ class Problem:
                 f"sets.obstacles: expected none for the vehicle {self.vehicle.name}, which looks "
                 f"{self.side_slip:.4g} rad away from the path's tangent"
             )
-        if self.obstacles and self.path.tube:
-            raise InputError("sets.obstacles: expected none for a tube, which has no place")
         for near in self._nearest():
             if near.room <= 0:
                 (x, y), radius = near.place, near.radius
@@ -385,15 +392,3 @@ def _held_batch(vehicle: Vehicle, points: Float[Array, "n 4"]) -> tuple[Array, .
         return held, largest(rate(*inputs)), largest(still), jnp.stack([jnp.asarray(each, float) for each in twist])
 
     return jax.vmap(one)(points)
-
-
-def _grid(segment: Segment) -> np.ndarray:
-    """Places of a segment at which it is looked at: θ in s."""
-    return np.zeros(1) if segment.is_steady else np.linspace(0.0, segment.duration, PLACES)
-
-
-def _points(segment: Segment | Tube) -> list[ReferencePoint]:
-    """References of a segment, or the extreme ones of a tube."""
-    if isinstance(segment, Tube):
-        return [point for group in segment.references() for point in group]
-    return segment.points(_grid(segment))

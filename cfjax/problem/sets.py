@@ -44,6 +44,9 @@ class Box:
 def ball(radius: Number, dimension: int = 4) -> Ellipsoid:
     """The ball of the given radius (mixed units, as in the paper: rad, m, m, m/s), one half-axis per state.
 
+    >>> ball(0.5)
+    Ellipsoid(half_axes=(0.5, 0.5, 0.5, 0.5))
+
     Raises:
         InputError: for a radius that is not positive, or no number of states.
     """

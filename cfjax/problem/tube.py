@@ -57,6 +57,35 @@ class Tube:
         """Nothing depends on θ: every θ sees the same set."""
         return True
 
+    @property
+    def profiles(self) -> tuple[Interval, ...]:
+        """What the dynamics see of it."""
+        return self.curvature, self.speed, self.acceleration
+
+    @property
+    def last_theta(self) -> float:
+        """All θ are alike, so what is looked at at the end of a funnel is looked at at θ = 0."""
+        return 0.0
+
+    @property
+    def top_speed(self) -> float:
+        """m/s."""
+        return self.speed.upper
+
+    @property
+    def has_mirror_images(self) -> bool:
+        """Whether with each path its mirror image is meant too: V is then its own mirror image."""
+        return self.curvature.middle == 0
+
+    def middle(self) -> ReferencePoint:
+        """The reference that stands for all of them: in the middle of the bounds, of no path in particular."""
+        kappa, v, a = self.curvature.middle, self.speed.middle, self.acceleration.middle
+        return ReferencePoint(kappa * v, v, kappa * a, a)
+
+    def samples(self, count: int) -> list[ReferencePoint]:
+        """References to look at: the extreme ones, however many places of a segment would be."""
+        return [point for group in self.references() for point in group]
+
     def references(self) -> list[list[ReferencePoint]]:
         """The extreme references: a group for each pair of ends of curvature and acceleration, in it the ends of speed.
 

@@ -59,7 +59,7 @@ class _Scene:
         self.state, self.seen = samples.state[:, self.car], samples.measured[:, self.car]
         self.command, self.value = samples.command[:, self.car], samples.value[:, self.car]
         self.plane = Plane(result)
-        duration = sum(segment.duration for segment in result.problem.path.curve)
+        duration = result.problem.path.duration
         theta = samples.theta[:, self.car]
         lap = np.floor(theta / duration) if result.problem.path.closed else np.zeros_like(theta)
         self.theta = np.clip(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from cfjax.report.plane import Course, Poses, positions
+from cfjax.report.plane import PathPoses, Poses, positions
 from cfjax.result import Result, Rollouts
 
 
@@ -25,7 +25,7 @@ class Car(NamedTuple):
     inputs: Float[np.ndarray, "t m"]  # (u0, *vehicle inputs)
 
 
-def cars_of(result: Result, course: Course | None, points: int) -> list[Car]:
+def cars_of(result: Result, course: PathPoses | None, points: int) -> list[Car]:
     """The recorded cars, thinned to so many points of all together; none where none were driven.
 
     `course` is the path's, or None for a tube.
@@ -33,7 +33,7 @@ def cars_of(result: Result, course: Course | None, points: int) -> list[Car]:
     return [car for cars in result.rollouts for car in _cars(course, cars, points)]
 
 
-def _cars(course: Course | None, cars: Rollouts, points: int) -> list[Car]:
+def _cars(course: PathPoses | None, cars: Rollouts, points: int) -> list[Car]:
     along = cars.theta if cars.reference is None else ways_of(cars)
     way = float(along[-1].max())
     if course is not None:

@@ -204,7 +204,7 @@ def _way(result: Result, cars: Sequence[Car] = ()) -> Axis:
     """Along the reference: of a tube, whose paths differ in length, as far as half of the cars come."""
     if result.problem.path.tube:
         return Axis("way of the reference (m)", (0.0, float(np.median([car.along[-1] for car in cars]))))
-    return Axis("reference time θ (s)", (0.0, float(sum(segment.duration for segment in result.problem.path.curve))))
+    return Axis("reference time θ (s)", (0.0, result.problem.path.duration))
 
 
 def _places(result: Result) -> list[Band]:

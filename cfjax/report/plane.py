@@ -51,7 +51,7 @@ MOST_RINGS = 40  # starts and ends of funnels along a path: more are no rings
 Poses = Float[np.ndarray, "t 3"]  # heading (rad) and position (m), inertial frame
 
 
-class Course:
+class PathPoses:
     """Poses of the vehicle that moves along the whole path."""
 
     def __init__(self, problem: Problem) -> None:
@@ -145,8 +145,8 @@ class Plane:
 
     def __init__(self, result: Result) -> None:
         problem = result.problem
-        self.result, self.course = result, Course(problem)
-        self.end = float(sum(segment.duration for segment in problem.path.curve))
+        self.result, self.course = result, PathPoses(problem)
+        self.end = problem.path.duration
         self.theta = self.course.between(0.0, self.end, math.inf, MOST_OUTLINES)
         self.line = self.course(self.theta)[:, 1:]
         self.obstacles = [obstacle_region(obstacle) for obstacle in problem.obstacles]
@@ -213,7 +213,7 @@ class Plane:
         spans = self.result.spans
         if not worst or not spans or any(found.span for found in self.result.segments):
             return []
-        theta = np.array([spans[point.segment][0] + point.theta for point in worst])
+        theta = np.array([spans[point.segment][0] + (point.theta or 0.0) for point in worst])
         at = positions(self.course(theta), np.array([point.x for point in worst]))
         return [Lines(WORST, [at], [theta])]
 
@@ -222,7 +222,7 @@ def _ring(kind: Kind, ring: Points, theta: float) -> Lines:
     return Lines(kind, [ring], [np.full(len(ring), theta)])
 
 
-def _asked(problem: Problem, course: Course, end: float) -> dict[Kind, Float[np.ndarray, "96 2"]]:
+def _asked(problem: Problem, course: PathPoses, end: float) -> dict[Kind, Float[np.ndarray, "96 2"]]:
     """Outlines (m, inertial frame) of I where the path begins and of G where it ends: of their positions."""
     found = {}
     sets = ((INLET, problem.inlet), (GOAL, problem.goal))

@@ -11,7 +11,7 @@ from cfjax.check.amounts import SHARE
 from cfjax.check.containment import half_widths
 from cfjax.check.rational import float_below
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Segment, Tube
+from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Tube
 from cfjax.problem.vehicle import numbers_of
 from cfjax.report.files import (
     versions,
@@ -70,19 +70,18 @@ def _obstacle_json(obstacle: Obstacle) -> dict[str, Any]:
 def _worst_json(problem: Problem, point: WorstPlace) -> dict[str, Any]:
     """θ in s of the segment; the deviation by state."""
     deviation = dict(zip(problem.vehicle.state_names, point.x, strict=True))
-    theta = None if problem.path.tube else point.theta
     return {
         "segment": point.segment,
         "condition": point.condition,
         "slack": _number(point.slack),
-        "theta": theta,
+        "theta": point.theta,
         "x": deviation,
     }
 
 
 def _worst_of(data: dict[str, Any]) -> WorstPlace:
     slack = math.nan if data["slack"] is None else data["slack"]
-    return WorstPlace(data["segment"], data["condition"], slack, data["theta"] or 0.0, tuple(data["x"].values()))
+    return WorstPlace(data["segment"], data["condition"], slack, data["theta"], tuple(data["x"].values()))
 
 
 def _segment_json(problem: Problem, found: SegmentResult) -> dict[str, Any]:
@@ -168,28 +167,12 @@ def _margin_per_metre(result: Result) -> float | None:
 
     Not stretch by stretch, where it might be more: the checker answers for a segment's margin, not for a stretch's.
     """
-    if result.problem.path.tube or any(found.span for found in result.segments):
-        margins = [found.margin_per_metre for found in result.segments]
-    else:
-        margins = [
-            None if found.margin_certified is None else _below(found.margin_certified / _top_speed(segment))
-            for segment, found in zip(result.problem.path.curve, result.segments, strict=False)
-        ]
-    return None if not margins or None in margins else min(m for m in margins if m is not None)
-
-
-def _top_speed(segment: Segment) -> float:
-    """m/s: at one of the profile's breaks, or where its slope vanishes; samples would miss it by a little."""
-    if segment.speed.is_constant:
-        return segment.speed.coefficients[0][0]
-    profile = segment.speed.polynomial
-    still = profile.derivative().roots(discontinuity=False, extrapolate=False)  # NaN where it vanishes all along
-    candidates = np.concatenate([profile.x, still[np.isfinite(still)]])
-    left = [c[0] for c in segment.speed.coefficients]  # at a break profile(x) is of the later piece: both sides count
-    right = [
-        np.polynomial.Polynomial(c)(h) for c, h in zip(segment.speed.coefficients, np.diff(profile.x), strict=True)
-    ]
-    return float(max(*left, *right, *profile(candidates)))
+    held = result.margin_per_metre is not None or any(found.span for found in result.segments)
+    if held or result.margin_certified is None:
+        return result.margin_per_metre
+    margins = [found.margin_certified or 0.0 for found in result.segments]
+    tops = [segment.top_speed for segment in result.problem.path.segments]
+    return min(_below(margin / top) for margin, top in zip(margins, tops, strict=True))
 
 
 def _number(value: float | None) -> float | None:

@@ -32,7 +32,7 @@ def along_path(result: Result, file: File | None = None) -> Result:
         raise InputError("FOLDER: expected the run of a tube with its certificate")
     path = winding(tube) if file is None else _through(tube, file, problem.vehicle)
     following = follow(path, [tube_of(result.document, "run")], vehicle=problem.vehicle, closed=path.closed)
-    duration = sum(segment.duration for segment in following.path.curve)
+    duration = following.path.duration
     (found,) = result.segments
     return result.replace(
         problem=replace(problem, path=following.path),

@@ -17,7 +17,7 @@ import numpy as np
 from jax import export
 from jaxtyping import Array, Float, Int
 
-from cfjax.coerce import objects, whole
+from cfjax.coerce import instances, objects, whole
 from cfjax.control import Law, MinNorm
 from cfjax.control.legs import MEETS, leg_arrays
 from cfjax.funnel import Funnel, Leg, Template
@@ -39,6 +39,7 @@ from cfjax.simulation.loop import (
     sample_starts,
     start,
 )
+from cfjax.simulation.tube import drive_tube_cars
 from cfjax.traced import Traced, traced
 
 
@@ -71,7 +72,7 @@ class Driven(NamedTuple):
     clearance: Array  # m to the nearest obstacle, the least so far; inf where there are none
 
 
-class Record(NamedTuple):
+class CarRecord(NamedTuple):
     """What is kept of a recorded car before a step."""
 
     clock: Array
@@ -81,7 +82,7 @@ class Record(NamedTuple):
     inputs: tuple[Array, ...]
 
 
-for _kind in (Cars, Driven, Record):
+for _kind in (Cars, Driven, CarRecord):
     export.register_namedtuple_serialization(_kind, serialized_name=f"{_kind.__module__}.{_kind.__name__}")
 
 
@@ -97,7 +98,7 @@ def drive(
     starts: Float[Array, "k n"],
     limit: Int[Array, ""],
     every: Int[Array, ""],
-) -> tuple[Driven, Record]:
+) -> tuple[Driven, CarRecord]:
     """All cars, driven until each has arrived, at most `limit` steps; `obstacles` come with the poses along the path.
 
     Returns their final states, and a record of each `stride`-th car before each `every`-th step: leading axis time, so
@@ -123,14 +124,14 @@ def drive(
         own = jax.lax.cond(jnp.any(leg != driven.leg), lambda: legs.of(leg), lambda: own)
         return driven._replace(cars=enter(template, own.loop, driven.cars), leg=leg), own
 
-    def running(carry: tuple[Array, Array, Driven, Legs, Record, Record]) -> Array:
+    def running(carry: tuple[Array, Array, Driven, Legs, CarRecord, CarRecord]) -> Array:
         count, is_moving, *_ = carry
         return (count < limit) & is_moving
 
-    def recorded(cars: Cars, inputs: tuple[Array, ...]) -> Record:
-        return jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, cars.value, inputs))
+    def recorded(cars: Cars, inputs: tuple[Array, ...]) -> CarRecord:
+        return jax.tree.map(lambda now: now[::stride], CarRecord(cars.clock, cars.theta, cars.x, cars.value, inputs))
 
-    def step(carry: tuple[Array, Array, Driven, Legs, Record, Record]) -> tuple:
+    def step(carry: tuple[Array, Array, Driven, Legs, CarRecord, CarRecord]) -> tuple:
         count, _, driven, own, history, _ = carry
         driven, own = entered(driven, own)
 
@@ -215,7 +216,7 @@ def _step(
     return STEP_SHARE / (heading * float(fastest(problem, funnel, points).max()))
 
 
-class _Asked(NamedTuple):
+class _Launch(NamedTuple):
     """A question to `drive`: the compiled program, and what it is given for each share of the cars."""
 
     program: Traced
@@ -226,12 +227,12 @@ class _Asked(NamedTuple):
         """θ (s) of the path's end."""
         return float(np.asarray(self.arguments[0][0].loop.end)[-1])
 
-    def answer(self) -> tuple[Driven, Record]:
+    def answer(self) -> tuple[Driven, CarRecord]:
         """The cars of all shares, which are driven at the same time."""
         return jax.tree.map(lambda *shares: np.concatenate(shares, axis=-1), *self.program.side_by_side(self.arguments))
 
 
-def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law) -> _Asked:
+def _launch(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law) -> _Launch:
     """Cars from random places in I.
 
     Raises:
@@ -254,7 +255,7 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
     numbers = MOST_ROWS + 1, max(1, cars // RECORDED)
     program = traced(drive, traced_vehicle(problem.vehicle), template, law, *numbers, options=OPTIONS)
     shares = 2 if cars >= SHARED and cars % 2 == 0 else 1
-    return _Asked(
+    return _Launch(
         program, [(table, profiles, around, own, limit, every) for own in np.split(np.asarray(starts), shares)]
     )
 
@@ -262,12 +263,13 @@ def _asked(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law
 def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = MinNorm()) -> None:
     """Compile what `drive_cars` asks for once all segments have funnels; any will do for that."""
     shape = np.diag(1 / np.array(problem.inlet.half_axes) ** 2)
-    ends = np.cumsum([segment.duration for segment in problem.path.curve])
+    course = problem.path.require_course()
+    ends = np.cumsum([segment.duration for segment in course])
     legs = [
         Leg(float(end), Funnel(template, shape, 0.0, segment.duration), 1.0)
-        for segment, end in zip(problem.path.curve, ends, strict=True)
+        for segment, end in zip(course, ends, strict=True)
     ]
-    asked = _asked(problem, legs, cars, 0, law)
+    asked = _launch(problem, legs, cars, 0, law)
     asked.program.prepare(*asked.arguments[0])
 
 
@@ -275,6 +277,8 @@ def drive_cars(
     problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0, law: Law = MinNorm()
 ) -> tuple[ClosedLoop, Rollouts]:
     """Drive `cars` cars from random deviations of I at θ = 0 to the path's end, each leg under the law of its margins.
+
+    In a tube, one leg without end, each car has a path of its own (`drive_tube_cars`), under the min-norm law.
 
     The cars know where they are on the path: the law reads the reference at their θ. What is counted is looked at after
     each step, and V at the end of a leg in both funnels. A car has left S if it leaves the box or if its footprint
@@ -286,7 +290,10 @@ def drive_cars(
     Raises:
         InputError: where the legs do not lead along the path, or their funnels have several templates.
     """
-    asked = _asked(problem, legs, cars, seed, law)
+    if problem.path.tube:
+        (leg,) = instances("legs", legs, Leg)
+        return drive_tube_cars(problem, leg.funnel, leg.margin, leg.margin_per_metre, cars=cars, seed=seed)
+    asked = _launch(problem, legs, cars, seed, law)
     (last, _, clear), history = asked.answer()
     rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)

@@ -106,7 +106,7 @@ class CarTraits(NamedTuple):
     blind: Bool[Array, " k"]  # of those: not told the curvature
 
 
-class Record(NamedTuple):
+class TubeRecord(NamedTuple):
     """What is kept of a recorded car before each step."""
 
     clock: Array
@@ -184,7 +184,7 @@ def drive_tube(
     key: Array,
     steps: int,
     stride: int,
-) -> tuple[Cars, Array, Record]:
+) -> tuple[Cars, Array, TubeRecord]:
     """All cars for a number of steps of `loop.step` metres each at u0 = 1; `goal` are the half-axes of G.
 
     Returns their final states, the largest Σ (x_i/goal_i)² of each, and the states of every `stride`-th car before each
@@ -208,7 +208,7 @@ def drive_tube(
     def goal_share(x: tuple[Array, ...]) -> Array:
         return sum(((x[i] / goal[i]) ** 2 for i in range(len(x))), jnp.zeros(count))
 
-    def step(carry: tuple[Cars, Paths, Array], number: Array) -> tuple[tuple[Cars, Paths, Array], Record]:
+    def step(carry: tuple[Cars, Paths, Array], number: Array) -> tuple[tuple[Cars, Paths, Array], TubeRecord]:
         cars, paths, worst_goal = carry
         key_curvature, key_acceleration = jax.random.split(jax.random.fold_in(key_steps, number))
         worst_curvature, worst_acceleration = _worst_ends(vehicle, loop, bounds, paths.speed, cars.x)
@@ -225,7 +225,7 @@ def drive_tube(
         moving = loop._replace(numbers=loop.numbers._replace(curvature=imposed), step=clock)
         after, inputs = advance(vehicle, template, MinNorm(), moving, going_on(actual, seen, cars.theta), cars)
         speed = jnp.clip(paths.speed + held * (after.theta - cars.theta), lower, upper)
-        record = jax.tree.map(lambda now: now[::stride], Record(cars.clock, cars.theta, cars.x, actual, inputs))
+        record = jax.tree.map(lambda now: now[::stride], TubeRecord(cars.clock, cars.theta, cars.x, actual, inputs))
         return (after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))), record
 
     cars = start(template, loop, starts)
@@ -255,7 +255,7 @@ def _starts(key: Array, problem: Problem, funnel: Funnel, count: int) -> Float[A
 
 
 def _reference_poses(
-    history: Record, end_theta: Float[np.ndarray, " k"], side_slip: float
+    history: TubeRecord, end_theta: Float[np.ndarray, " k"], side_slip: float
 ) -> Float[np.ndarray, "t k 3"]:
     """Poses of each recorded car's reference, whose path starts in the origin: its stretches make a segment of it.
 
@@ -304,9 +304,7 @@ def drive_tube_cars(
     margin, margin_per_metre = number("margin", margin, "1/s"), number("margin_per_metre", margin_per_metre, "1/m")
     cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
     way = None if way is None else number("way", way, "m", above=0)
-    tube = problem.path.segments[0]
-    if not isinstance(tube, Tube):
-        raise InputError(f"path: expected a tube, got {problem.path.name}")
+    tube = problem.path.require_tube()
     if 0.0 not in tube.acceleration:
         ends = f"[{tube.acceleration.lower:g}, {tube.acceleration.upper:g}]"
         raise InputError(f"path.acceleration: expected an interval around zero, for cars to drive on, got {ends}")

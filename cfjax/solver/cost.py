@@ -46,9 +46,11 @@ COSTS: dict[str, Callable[[int, Sequence[int]], Cost]] = {"batched": _batched, "
 
 
 def cost_of(solver: str, variables: int, degrees: Sequence[int]) -> Cost:
-    """Of a program of this shape (`cfjax.solver.program`), by the solver of that name."""
+    """Of a program of this shape (`cfjax.solver.program`), by the solver of that name; one that was not measured counts
+    as the reference.
+    """
     rows = [comb(variables + degree, variables) for degree in degrees]
-    return COSTS[solver](comb(variables + 2 * max(degrees), variables), rows)
+    return COSTS.get(solver, _clarabel)(comb(variables + 2 * max(degrees), variables), rows)
 
 
 def available_memory() -> float:

@@ -184,6 +184,11 @@ def follow(
     again; `pinned` is the name of the one tube to use. Beside `obstacles` (m, in the frame of the path) only tubes are
     used in which the `footprint`, discs [radius, offset along the forward axis] in m, touches none of them.
 
+    >>> from cfjax import circle
+    >>> following = follow(circle(radius=2.0, speed=2.0))
+    >>> [run.tube.name for run in following.runs]
+    ['narrow-tight-slow']
+
     Raises:
         InputError: where the path has a jump (pose: 1e-6 rad or m; speed: 1e-9 m/s), leaves every tube, comes too near
             to an obstacle, or where no chain is proven; the message says where and by how much.
@@ -229,9 +234,7 @@ def follow(
 
 
 def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: Surroundings) -> Following:
-    if path.tube:
-        raise InputError(f"path {path.name}: expected segments, got a tube: it has no course to follow")
-    statements = [stated(segment) for segment in path.curve]
+    statements = [stated(segment) for segment in path.require_course()]
     reference = _cut(exact_reference(statements))
     pieces = reference.pieces
     # tubes of several widths share their bounds

@@ -16,7 +16,7 @@ from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.writing import exact_inputs
 from cfjax.check import Outcome, check_document
-from cfjax.check.containment import Asked, broken_containments
+from cfjax.check.containment import Sets, broken_containments
 from cfjax.check.legs import Leg
 from cfjax.check.problem import MOST_PIECES
 from cfjax.check.rational import float_below
@@ -149,7 +149,7 @@ def _serves(problem: Problem, tube: CertifiedTube) -> bool:
     """Whether I lies in the tube and the tube in S, within the problem's inputs and by its method."""
     inlet = exact_numbers(problem.inlet.half_axes)
     safe = exact_numbers(problem.safe.half_widths) if problem.safe else None
-    if broken_containments(STATES, tube.shape, tube.claim.level.bounds(fmpq(0)), Asked(inlet, None, safe)):
+    if broken_containments(STATES, tube.shape, tube.claim.level.bounds(fmpq(0)), Sets(inlet, None, safe)):
         return False
     box = exact_inputs(problem)
     return all(box[name][0] <= low and high <= box[name][1] for name, (low, high) in tube.inputs.items())

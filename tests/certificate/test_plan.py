@@ -8,7 +8,7 @@ import pytest
 
 from cfjax.certificate import certify
 from cfjax.certificate.certifier import statement_of
-from cfjax.certificate.plan import BATCH, CELLS, Plan, _Planner, plan
+from cfjax.certificate.plan import BATCH, CELLS, Cuts, _Planner, plan
 from cfjax.certificate.prover import Means, Prover, StretchProof
 from cfjax.certificate.rounding import round_funnel
 from cfjax.check.hints import MOST_GRAM_ENTRIES
@@ -126,7 +126,7 @@ def test_a_target_out_of_reach_is_lowered(bend: tuple[Problem, Segment, Funnel])
     assert len(few.ends) <= 4 and 0.5 * MARGIN < few.target < 0.95 * MARGIN
     high = plan(problem, segment, funnel, 1.1 * MARGIN, 1.01, 20)
     assert 0.95 * MARGIN < high.target < MARGIN
-    assert plan(problem, segment, funnel, 10 * MARGIN, 1.0, 4) == Plan(
+    assert plan(problem, segment, funnel, 10 * MARGIN, 1.0, 4) == Cuts(
         (CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0
     )
 
@@ -136,7 +136,7 @@ def test_a_reference_that_stops_is_not_proven_but_no_bad_input(speed: tuple[floa
     segment = Segment(Profile.constant(0.0, 1.0), Profile((0.0, 1.0), (speed,)), Pose(0.0, 0.0, 0.0))
     problem = Problem(Path("stop", (segment,)), inlet=ball(0.3), goal=ball(0.5))
     funnel = Funnel(template_named("contracting"), 8 * np.eye(4), 0.1, 1.0)
-    assert plan(problem, segment, funnel, 0.01, 1.01, 4) == Plan((CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0)
+    assert plan(problem, segment, funnel, 0.01, 1.01, 4) == Cuts((CELLS // 4, CELLS // 2, 3 * CELLS // 4, CELLS), 0.0)
     outcome = certify(problem, [funnel], target=0.01)
     assert outcome.verdict is Verdict.INCONCLUSIVE
     assert "theta" in outcome.message
@@ -178,10 +178,10 @@ def test_no_more_stretches_are_planned_than_the_file_can_hold(
 
     def planned(
         problem: Problem, segment: Segment, funnel: Funnel, target: float, spare: float, most: int, is_smooth: bool
-    ) -> Plan:
+    ) -> Cuts:
         assert not is_smooth
         asked.append(most)
-        return Plan((CELLS,), 0.0)
+        return Cuts((CELLS,), 0.0)
 
     def never(*_: object) -> StretchProof:
         raise AssertionError("asked too much")

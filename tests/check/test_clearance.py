@@ -22,7 +22,7 @@ from cfjax.check.reference import ExactPose
 from cfjax.exact import StatedProfile, StatedSegment, exact_reference
 from cfjax.funnel import template_named
 from cfjax.problem import Segment, obstacle_path
-from cfjax.problem.curves import figure_eight
+from cfjax.problem.named_curves import figure_eight
 from cfjax.problem.obstacles import Disc, FootprintDisc, Polygon, disc_centres, distances
 from cfjax.problem.path import Pose, Profile
 

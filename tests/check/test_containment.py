@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.check.containment import Asked, broken_containments
+from cfjax.check.containment import Sets, broken_containments
 from cfjax.check.level import LEVELS
 
 
@@ -16,7 +16,7 @@ def exact(value: float) -> fmpq:
 def judge(shape: np.ndarray, template: str, rate: float, inlet: list, goal: list, safe: list | None) -> set[str]:
     rows = [[exact(entry) for entry in row] for row in shape]
     axes = ([exact(v) for v in s] if s else None for s in (inlet, goal, safe))
-    broken = broken_containments(STATES, rows, LEVELS[template](exact(rate)).bounds(fmpq(2)), Asked(*axes))
+    broken = broken_containments(STATES, rows, LEVELS[template](exact(rate)).bounds(fmpq(2)), Sets(*axes))
     return {line[len("condition (")] for line in broken}
 
 

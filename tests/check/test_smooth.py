@@ -26,7 +26,7 @@ from cfjax.check.structure import has_tube_structure, require_affine_reference
 from cfjax.check.symbolic import symbolic
 from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
-from cfjax.funnel.instance import Stretch, instance_of
+from cfjax.funnel.instance import Span, instance_of
 from cfjax.problem import (
     Interval,
     KinematicBicycle,
@@ -314,7 +314,7 @@ def test_learner_and_checker_look_at_the_same_vertices() -> None:
     bounds = ((0.25, 0.5), (1.0, 1.5), (-0.25, 0.5), (-1.0, 2.0))
     exact = Bounds(*((rational(low), rational(high)) for low, high in bounds))
     curvature, speed, acceleration, rate = (Interval(*ends) for ends in bounds)
-    given = Stretch(0.0, 1.2, Tube(curvature, speed, acceleration), rate)
+    given = Span(0.0, 1.2, Tube(curvature, speed, acceleration), rate)
     (segment,) = BEND.path.curve
     found = instance_of(BEND, segment, template_named("contracting"), 0.9, stretches=[given])
     members = np.stack([np.asarray(field)[0, 0] for field in found.references], axis=-1)

@@ -457,7 +457,7 @@ def test_the_command_writes_beside_the_run(tmp_path: Path, capsys: pytest.Captur
 
 def test_a_tube_alone_has_no_path(hand_made: Callable[..., Result]) -> None:
     result = hand_made(Problem(tube(), goal=cfjax.problem.ball(0.9)), verdict=Verdict.CERTIFIED, document={})
-    with pytest.raises(InputError, match="expected a run of a path, got one of a tube alone"):
+    with pytest.raises(InputError, match="expected segments, got a tube"):
         sources_of(result)
 
 

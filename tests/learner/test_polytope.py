@@ -22,7 +22,7 @@ from cfjax.learner.localise import Ending, Localised, Step
 from cfjax.learner.oracle import FunnelOracle, Hunted
 from cfjax.learner.polytope import CHANGES
 from cfjax.learner.polytope import learn_polytope as learn
-from cfjax.learner.run import PolytopeLearned, Run
+from cfjax.learner.run import EliminationRun, PolytopeLearned
 from cfjax.learner.witnesses import FADING, Witnesses, dynamics, falling
 from cfjax.problem import (
     Box,
@@ -481,7 +481,7 @@ def test_messages_say_how_a_search_ended() -> None:
     def said(ending: Ending, how: Elimination) -> str:
         left = Polytope.box(space.lower, space.upper)
         search = Localised(ending, None, left, 5, 0.02, history)
-        return Run(how, space, search, None, -math.inf, 0.05, Witnesses.none(CIRCLE), 0).message
+        return EliminationRun(how, space, search, None, -math.inf, 0.05, Witnesses.none(CIRCLE), 0).message
 
     revised = replace(ONCE, demonstrations=REVISED)
     assert "was given up after 5 cuts; nothing is shown" in said(Ending.GIVEN_UP, revised)
@@ -531,7 +531,7 @@ def test_the_same_twice(batched: PolytopeLearned) -> None:
 
 def test_what_cannot_be_asked_is_refused() -> None:
     paper = TEMPLATES["paper"]
-    with pytest.raises(InputError, match="a path, got a tube"):
+    with pytest.raises(InputError, match="expected segments, got a tube"):
         learn_polytope(Problem(tube(), goal=ball(0.6)), paper, margin=0.1, demonstrations=REVISED)
     both = Path("both", (*circle().segments, *circle(radius=2.0).segments))
     with pytest.raises(InputError, match="learner=polytope: expected one distinct segment, got 2"):

@@ -9,16 +9,8 @@ from scipy.spatial import KDTree
 
 from cfjax.errors import InputError
 from cfjax.problem import Path, Problem
-from cfjax.problem.curves import (
-    TOLERANCE,
-    Curve,
-    ellipse,
-    figure_eight,
-    obstacle_path,
-    oval,
-    path_along,
-    slalom,
-)
+from cfjax.problem.curves import TOLERANCE, Curve, path_along
+from cfjax.problem.named_curves import ellipse, figure_eight, obstacle_path, oval, slalom
 from cfjax.tubes import follow
 
 

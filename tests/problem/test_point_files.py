@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle
 from cfjax.problem.point_path import waypoints
-from cfjax.problem.points import course_of, read_points
+from cfjax.problem.points import read_points
+from cfjax.problem.route import route_of
 from experiments.vehicles.unicycle import Unicycle
 from tests.written import Written, written
 
@@ -78,7 +79,7 @@ def test_the_ways_out_are_ways_out() -> None:
 
 
 def test_a_lap_of_two_kilometres() -> None:
-    course = course_of(read_points(CASES / "full_size_2km.csv"), None)
+    course = route_of(read_points(CASES / "full_size_2km.csv"), None)
     assert course.closed and len(course.points.place) == 460 and "5.56 m, the first point follows" in course.account
 
 
@@ -342,11 +343,11 @@ LAPS = {
 @pytest.mark.parametrize("name", LAPS)
 def test_a_lap_is_recognised_by_where_it_ends(name: str) -> None:
     place, count, account = LAPS[name]
-    course = course_of(read_points(place), None)
+    course = route_of(read_points(place), None)
     assert (course.account, len(course.points.place)) == (account, count)
     assert course.closed == account.startswith("closed")
-    assert not course_of(read_points(place), False).closed
-    assert course_of(read_points(place), True).closed
+    assert not route_of(read_points(place), False).closed
+    assert route_of(read_points(place), True).closed
 
 
 def test_a_corner_where_the_lap_closes_is_named() -> None:
@@ -433,7 +434,7 @@ def check(file: File, meant: Written, whole: bool = False) -> bool:
     """Whether it is read; if so, it is what was meant, and if not, that is said in one line."""
     file.write_bytes(meant.data)
     try:
-        course = course_of(read_points(file), None)
+        course = route_of(read_points(file), None)
     except InputError as error:
         said = str(error)
         if meant.clear or "\n" in said or not said.startswith((str(file), "path.")):
@@ -474,7 +475,7 @@ def test_no_bytes_get_anything_but_points_or_one_line(data: bytes, tmp_path: Fil
     file = tmp_path / "points.csv"
     file.write_bytes(data)
     try:
-        course = course_of(read_points(file), None)
+        course = route_of(read_points(file), None)
     except InputError as error:
         said = str(error)
     else:

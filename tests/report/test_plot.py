@@ -21,7 +21,7 @@ from cfjax.report.marks import END, GOAL, INLET, START, TUBE, Axis, Lines, Panel
 from cfjax.report.marks import FUNNEL as FUNNEL_KIND
 from cfjax.report.page import save_page
 from cfjax.report.panels import shown_of, shown_pairs
-from cfjax.report.plane import Course, Plane, body_region, disc_shadows, positions, shadows, swept
+from cfjax.report.plane import PathPoses, Plane, body_region, disc_shadows, positions, shadows, swept
 from cfjax.report.plot import POINTS, compose, plot, save_picture
 from cfjax.report.result_json import result_json
 from cfjax.report.style import STYLE
@@ -49,7 +49,7 @@ def _inside(funnel: Funnel, theta: np.ndarray, rng: np.random.Generator) -> np.n
 
 
 def test_swept_shadow_is_the_union_of_many_ellipses() -> None:
-    course = Course(_problem("obstacle"))
+    course = PathPoses(_problem("obstacle"))
     few, many = course.between(0.0, FUNNEL.duration, 0.1, 10_000), np.linspace(0.0, FUNNEL.duration, 1500)
     region = swept(shadows(FUNNEL, few, course(few)))
     union = shapely.union_all(shapely.polygons(shadows(FUNNEL, many, course(many))))
@@ -59,7 +59,7 @@ def test_swept_shadow_is_the_union_of_many_ellipses() -> None:
 
 @pytest.mark.parametrize("offset", [0.0, 0.3, -0.2])
 def test_the_body_is_where_cars_of_the_funnel_are_and_no_farther(offset: float) -> None:
-    course, rng = Course(_problem("obstacle")), np.random.default_rng(0)
+    course, rng = PathPoses(_problem("obstacle")), np.random.default_rng(0)
     theta = course.between(0.0, FUNNEL.duration, 0.1, 10_000)
     region = body_region(FUNNEL, theta, course(theta), [FootprintDisc(0.1, offset)])
     at = np.repeat(np.linspace(0.0, FUNNEL.duration, 40), 500)
@@ -75,7 +75,7 @@ def test_the_body_is_where_cars_of_the_funnel_are_and_no_farther(offset: float) 
 
 
 def test_hull_of_a_disc_ahead_is_tight() -> None:
-    course, theta = Course(_problem("obstacle")), np.array([0.4])
+    course, theta = PathPoses(_problem("obstacle")), np.array([0.4])
     pose = course(theta)
     (corners,) = disc_shadows(FUNNEL, theta, pose, 0.3)
     x = _inside(FUNNEL, np.repeat(theta, 100_000), np.random.default_rng(1))
@@ -89,7 +89,7 @@ def test_cars_are_where_the_segments_poses_say() -> None:
     problem = _problem("figure_eight")
     path = problem.path
     theta = np.array([0.5, path.curve[0].duration + 1.5])
-    found = positions(Course(problem)(theta), np.zeros((2, 4)))
+    found = positions(PathPoses(problem)(theta), np.zeros((2, 4)))
     wanted = [path.curve[0].poses(np.array([0.5]))[0, 1:], path.curve[1].poses(np.array([1.5]))[0, 1:]]
     np.testing.assert_allclose(found, wanted, atol=1e-7)
 

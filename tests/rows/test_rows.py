@@ -9,7 +9,8 @@ from cfjax.check import Outcome, check_document
 from cfjax.conf import options_of, preset, problem_of
 from cfjax.falsifier import falsify
 from cfjax.result import Result
-from cfjax.synthesis import GOOD_SHARE, synthesize
+from cfjax.rounds import GOOD_SHARE
+from cfjax.synthesis import synthesize
 from cfjax.verdict import Verdict
 from experiments.paper_table import METHODS, ROWS, STEADY, TEMPLATES, best_before, cases
 

@@ -19,6 +19,7 @@ def least_value() -> Program:
 
 def test_every_solver_has_its_costs() -> None:
     assert COSTS.keys() == SOLVERS.keys()
+    assert cost_of("another", 4, (3, 2)) == cost_of("clarabel", 4, (3, 2))
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

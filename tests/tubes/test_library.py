@@ -219,7 +219,7 @@ def test_a_path_gets_its_chain_from_the_package() -> None:
     other = follow(circle(radius=3.0, speed=1.0), vehicle=KinematicBicycle(0.68))
     assert float(other.start.parameters["wheelbase"]) == 0.68
     bounds = Course("tube", tube(1.0, Interval(1.0, 2.0)).segments)
-    with pytest.raises(InputError, match="it has no course to follow"):
+    with pytest.raises(InputError, match="which has no course to follow"):
         follow(bounds)
 
 

@@ -54,9 +54,8 @@ def facts(result: Result) -> list[Fact]:
         found.append(Fact(margin(falsified), "1/s", "margin λ, falsified"))
     if result.margin_certified is None:
         found[0] = Fact("none", "", "margin λ, certified")
-    per_metre = [each.margin_per_metre for each in result.segments if each.margin_per_metre is not None]
-    if per_metre:
-        found.append(Fact(margin(min(per_metre)), "1/m", "margin per metre, certified"))
+    if result.margin_per_metre is not None:
+        found.append(Fact(margin(result.margin_per_metre), "1/m", "margin per metre, certified"))
     if (loop := result.closed_loop) is not None:
         found.append(Fact(f"{loop.cars:,}".replace(",", " "), "cars", f"driven, {loop.outcome}"))
         if loop.arrival:
@@ -64,7 +63,7 @@ def facts(result: Result) -> list[Fact]:
             found.append(Fact(ends, "s", "cars arrived after"))
     if result.robustness is not None:
         period = rounded_down(result.robustness.alone.period, 3, MILLI)
-        law = "told the speed alone, proven" if result.problem.path.tube else "proven"
+        law = "told the speed alone, proven" if result.margin_per_metre else "proven"
         found.append(Fact(period, "ms", f"inputs held, {law}"))
     if "total" in result.seconds:
         found.append(Fact(number(result.seconds["total"], 3), "s", "for all of it"))
@@ -83,9 +82,8 @@ def parameters(result: Result) -> Rows:
         for name, ends, unit in (*bounds, ("acceleration", tube.acceleration, "m/s²")):
             rows.append((f"{name} of the reference", f"{number(ends.lower)} to {number(ends.upper)} {unit}"))
     else:
-        durations = [segment.duration for segment in path.curve]
-        count = "1 segment" if len(durations) == 1 else f"{len(durations)} segments"
-        rows.append(("duration T", f"{number(sum(durations))} s, {count}"))
+        count = "1 segment" if len(path.segments) == 1 else f"{len(path.segments)} segments"
+        rows.append(("duration T", f"{number(path.duration)} s, {count}"))
     rows.append(("method", problem.method.words))
     if result.segments:
         funnel = result.segments[0].funnel
@@ -135,7 +133,7 @@ def worst_points(result: Result) -> tuple[tuple[str, ...], Rows]:
     rows: Rows = []
     for point in sorted(result.worst_points, key=lambda point: (point.segment, point.condition)):
         slack = number(point.slack) + (" 1/s" if point.condition == "d" else "")
-        where = "–" if result.problem.path.tube else number(point.theta)
+        where = "–" if point.theta is None else number(point.theta)
         says = f"({point.condition}) {CONDITIONS[point.condition]}"
         rows.append((says, slack, str(point.segment + 1), where, *(number(value, 3) for value in point.x)))
     return head, rows
