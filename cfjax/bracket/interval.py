@@ -97,6 +97,6 @@ class Lift:
     count: int  # of unknowns
 
     def __call__(self, value: fmpq | int | np.ndarray) -> Interval:
-        number = np.asarray(float(value) if isinstance(value, fmpq | int) else value)
+        number = np.atleast_1d(np.asarray(float(value) if isinstance(value, fmpq | int) else value))
         zero = np.zeros((self.count, 1, 1))
         return Interval((number, number), (zero, zero))

@@ -34,8 +34,8 @@ from cfjax.check.upper_bound import (
     Tree,
     halves,
     leaf_holds,
-    write_upper_bound,
 )
+from cfjax.check.upper_bound_file import write_upper_bound
 from cfjax.coerce import instance, number, whole
 from cfjax.errors import InputError
 from cfjax.problem import Problem
@@ -113,7 +113,8 @@ class _Search:
         self.row, self.margin = row, margin
         self.leaves = 0
         self.places, self.written = _places(row)
-        self.is_free = row.timing[0] < row.timing[1]  # of u0
+        self.is_free = row.timing[0] < row.timing[1]
+        self.ends = (0, 1) if self.is_free else (0,)  # of u0
         moving = [place for place in self.places if place.direction is not None]
         still = [place for place in self.places if place.direction is None]
         self.kinds = [_together(moving), *([_together(still)] if self.is_free else [])]
@@ -157,7 +158,7 @@ class _Search:
         candidate, lift = unknowns(low, high), Lift(UNKNOWNS)
         with np.errstate(all="ignore"):
             rates = [
-                [_terms(self.row.value_rate(kind, end, candidate, lift), len(boxes)) for end in ((0, 1) if self.is_free else (0,))]
+                [_terms(self.row.value_rate(kind, end, candidate, lift), len(boxes)) for end in self.ends]
                 for kind in self.kinds
             ]
             conditions = _joined([_terms(one, len(boxes)) for one in self.row.conditions(candidate, lift)])
@@ -314,11 +315,11 @@ def _together(places: Sequence[Place]) -> Place:
     def array(values: Sequence[Any]) -> np.ndarray:
         return np.array([float(value) for value in values])
 
-    still = places[0].direction is None
-    directions = None if still else tuple(array([place.direction[i] for place in places if place.direction]) for i in (0, 1))
+    pairs = [place.direction for place in places if place.direction]
+    directions = (array([cos for cos, _ in pairs]), array([sin for _, sin in pairs])) if pairs else None
     return Place(
         array([place.level for place in places]),
         array([place.theta for place in places]),
-        directions,  # pyright: ignore[reportArgumentType]
+        directions,
         array([place.sign for place in places]),
     )

@@ -63,9 +63,7 @@ class Dual:
 def unknowns(box: Sequence[tuple[fmpq, fmpq]]) -> list[Dual]:
     """Those of a box, each with derivative one by itself."""
     balls = [arb(low).union(arb(high)) for low, high in box]
-    return [
-        Dual(ball, tuple(arb(int(i == j)) for j in range(len(balls)))) for i, ball in enumerate(balls)
-    ]
+    return [Dual(ball, tuple(arb(int(i == j)) for j in range(len(balls)))) for i, ball in enumerate(balls)]
 
 
 def constant(value: fmpq, count: int) -> Dual:

@@ -10,7 +10,8 @@ there they do nothing for V, and V̇ depends on five numbers of the candidate: c
 m = k/√p. **The unknowns are (c0, a1, a2, m1, m2).**
 
 **What every candidate satisfies** (`conditions`). Condition (a), C ≺ diag(i) with i = 1/(half-axis of I)², and (b),
-C ≻ ρ diag(g), ρ = 1 − c0 T, hold for a block with some c if and only if, with i_s, g_s of α (or v) and i_p, g_p of x (or y),
+C ≻ ρ diag(g), ρ = 1 − c0 T, hold for a block with some c if and only if, with i_s, g_s of α (or v) and i_p, g_p of x
+(or y),
 
     i_p − p > 0,   A = p − ρ g_p − ρ g_s k² > 0,   i_s (i_p − p) A − ρ g_s (p − ρ g_p) (i_p − p + i_s k²) > 0,
 
@@ -21,10 +22,10 @@ By the reciprocals of these two bounds the last one also reads, with k² = m² p
 
 where each part is largest at an end of a box (`Row.is_empty`).
 
-**What (d) asks at a place** (`value_rate`). A place is a level ℓ, β̲ or 1, an end of the path, θ = 0 or T, and a direction:
-(√p1 x, √p2 y) = (X, Y) with X² + Y² = ℓ − c0 θ. It lies in the shell of every candidate, and moves with it. A candidate
-with margin λ has V̇ ≤ −λ there for some u0 of its interval, and so for the end of it that makes V̇ smaller: which one
-that is has to be clear in the whole box. At a *still* place, Y = c0/(2 a2 v_r), u0 drops out of V̇.
+**What (d) asks at a place** (`value_rate`). A place is a level ℓ, β̲ or 1, an end of the path, θ = 0 or T, and a
+direction: (√p1 x, √p2 y) = (X, Y) with X² + Y² = ℓ − c0 θ. It lies in the shell of every candidate, and moves with it.
+A candidate with margin λ has V̇ ≤ −λ there for some u0 of its interval, and so for the end of it that makes V̇ smaller:
+which one that is has to be clear in the whole box. At a *still* place, Y = c0/(2 a2 v_r), u0 drops out of V̇.
 
 **The tree.** It cuts a box that holds every candidate into smaller ones. A leaf names places and conditions with
 weights μ, ν ≥ 0 such that everywhere in its box
@@ -36,28 +37,23 @@ theorem the left side is at least its value in the middle minus Σ half-width ·
 derivatives nearly cancel, so the boxes may be large.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from flint import arb, fmpq
 
-from cfjax.check.document import document_hash
 from cfjax.check.dual import Dual, constant, unknowns
-from cfjax.check.problem import Course, ProblemClaim, problem_of
+from cfjax.check.problem import Course, ProblemClaim
 from cfjax.check.rational import sqrt_lower, sqrt_upper
-from cfjax.check.reader import Broken, Item
+from cfjax.check.reader import Broken
 from cfjax.check.refutation import require_affine
 from cfjax.check.symbolic import Symbolic
 from cfjax.check.vehicle import POSE
 
 
-FORMAT, VERSION = "cfjax-upper-bound", 1
 UNKNOWNS, CONDITIONS = 5, 6
-MOST_PLACES, MOST_LEAVES, MOST_DEPTH, MOST_TERMS = 1024, 50_000, 96, 32
-LARGEST_WEIGHT = 2**24
-STILL = "still"
 
 Box = tuple[tuple[fmpq, fmpq], ...]
 Lift = Callable[[Any], Any]
@@ -138,7 +134,7 @@ class Row:
         self._require_ridge()
 
     def _require_ridge(self) -> None:
-        """Raises Broken unless the rates of x and y know no input but u0, and u0 as for a body beside a straight line."""
+        """Raises Broken unless the rates of x and y know no input but u0, and that as a body does beside its path."""
         dynamics, symbols = self.dynamics, self.dynamics.symbols
         looked_at = [self.dynamics.rates[1], self.dynamics.rates[2]]
         looked_at += [argument for _, argument in dynamics.functions.values()]
@@ -210,7 +206,8 @@ class Row:
         """Whether no number of the box satisfies (a) and (b) in this block, by the reciprocals of both bounds of c."""
         s, p = ((0, 1), (3, 2))[block]
         least, (low, high), (left, right) = 1 - self.duration * box[0][1], box[1 + block], box[3 + block]
-        least, tilt = max(least, 1 - self.beta_lower), fmpq(0) if left <= 0 <= right else min(left * left, right * right)
+        least = max(least, 1 - self.beta_lower)
+        tilt = fmpq(0) if left <= 0 <= right else min(left * left, right * right)
         i_s, i_p, g_s, g_p = self.inlet[s], self.inlet[p], self.goal[s], self.goal[p]
         above, below = 1 - least * g_p / high**2, i_p / low**2 - 1
         if above <= 0 or below <= 0:
@@ -280,9 +277,7 @@ def halves(box: Box, axis: int) -> tuple[Box, Box]:
     """Those of a box, cut in the middle of one unknown."""
     low, high = box[axis]
     middle = (low + high) / 2
-    return tuple(
-        (*box[:axis], part, *box[axis + 1 :]) for part in ((low, middle), (middle, high))
-    )  # pyright: ignore[reportReturnType]
+    return tuple((*box[:axis], part, *box[axis + 1 :]) for part in ((low, middle), (middle, high)))  # pyright: ignore[reportReturnType]
 
 
 def leaf_holds(row: Row, margin: fmpq, places: Sequence[Place], leaf: Leaf, box: Box) -> bool:
@@ -320,91 +315,3 @@ def leaf_holds(row: Row, margin: fmpq, places: Sequence[Place], leaf: Leaf, box:
         if not both(gain) >= 0:
             return False
     return True
-
-
-# --- the file
-
-
-def read_upper_bound(document: object, dynamics_of: Callable[[ProblemClaim], Symbolic]) -> UpperBound:
-    """From a parsed file.
-
-    Raises:
-        Unreadable, Broken: says what was expected where.
-    """
-    whole = Item(document, "")
-    form, version, problem, beta, margin, places, tree, sealed = whole.record(
-        "format", "version", "problem", "beta_lower", "margin", "places", "tree", "hash"
-    )
-    form.choice(FORMAT)
-    version.integer(VERSION, VERSION)
-    assert isinstance(document, dict)
-    if sealed.value != document_hash(document):
-        sealed.refuse("the hash of the file's content")
-    claim = problem_of(problem)
-    row = Row(claim, dynamics_of(claim), beta.positive())
-    found = tuple(_place(entry, row) for entry in places.items(MOST_PLACES, least=0))
-    leaves = [0]
-    return UpperBound(row, margin.positive(), found, _tree(tree, found, leaves, MOST_DEPTH))
-
-
-def _place(item: Item, row: Row) -> Place:
-    level, end, direction = item.record("level", "end", "direction")
-    height = row.beta_lower if level.choice("inner", "outer") == "inner" else fmpq(1)
-    theta = row.duration if end.integer(0, 1) else fmpq(0)
-    if isinstance(direction.value, dict):
-        (sign,) = direction.record(STILL)
-        return Place(height, theta, None, 1 if sign.choice("right", "left") == "right" else -1)
-    cos, sin = (entry.rational() for entry in direction.items(2, 2))
-    if cos * cos + sin * sin != 1:
-        direction.refuse("a point of the unit circle")
-    return Place(height, theta, (cos, sin))
-
-
-def _tree(item: Item, places: Sequence[Place], leaves: list[int], depth: int) -> Tree:
-    if isinstance(item.value, dict) and "cut" in item.value:
-        if not depth:
-            item.refuse(f"a tree of at most {MOST_DEPTH} cuts on the way to a leaf")
-        axis, below, above = item.record("cut", "below", "above")
-        return Cut(
-            axis.integer(0, UNKNOWNS - 1),
-            _tree(below, places, leaves, depth - 1),
-            _tree(above, places, leaves, depth - 1),
-        )
-    leaves[0] += 1
-    if leaves[0] > MOST_LEAVES:
-        item.refuse(f"a tree of at most {MOST_LEAVES} leaves")
-    if isinstance(item.value, dict) and "empty" in item.value:
-        return Empty(item.record("empty")[0].integer(0, 1))
-    terms, conditions = item.record("terms", "conditions")
-    return Leaf(
-        tuple(
-            Term(*(entry.integer(0, most) for entry, most in zip(term.items(3, 3), (len(places) - 1, 1, LARGEST_WEIGHT))))
-            for term in terms.items(MOST_TERMS, least=0)
-        ),
-        tuple(
-            (index.integer(0, CONDITIONS - 1), weight.integer(0, LARGEST_WEIGHT))
-            for index, weight in (entry.items(2, 2) for entry in conditions.items(CONDITIONS, least=0))
-        ),
-    )
-
-
-def write_upper_bound(problem: Mapping[str, Any], beta_lower: fmpq, margin: fmpq, places: Sequence, tree: Tree) -> dict:
-    """The file of a bound; `places` as they stand in it."""
-    content = {
-        "format": FORMAT,
-        "version": VERSION,
-        "problem": dict(problem),
-        "beta_lower": str(beta_lower),
-        "margin": str(margin),
-        "places": list(places),
-        "tree": _written(tree),
-    }
-    return {**content, "hash": document_hash(content)}
-
-
-def _written(tree: Tree) -> dict[str, Any]:
-    if isinstance(tree, Cut):
-        return {"cut": tree.axis, "below": _written(tree.below), "above": _written(tree.above)}
-    if isinstance(tree, Empty):
-        return {"empty": tree.block}
-    return {"terms": [list(term) for term in tree.terms], "conditions": [list(pair) for pair in tree.conditions]}
