@@ -1,6 +1,6 @@
 """Certified margins beside proven upper bounds: `python experiments/margin_bounds.py`.
 
-For straight lines of 4 and 8 m at 2 m/s, with the paper's template, I and G being balls of 0.5. The bound is the smallest
+On a straight line of 4 m at 2 m/s, with the paper's template, I and G being balls of 0.5. The bound is the smallest one
 of a few multiples of the falsified margin for which a proof is found.
 """
 
