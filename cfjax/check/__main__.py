@@ -1,6 +1,7 @@
 """`python -m cfjax.check RUN_OR_CERTIFICATE`: replay a certificate.
 
-Exit code 0: it proves a funnel; 3: it proves a refutation; 1: a claim is broken; 2: it cannot be read.
+Exit code 0: it proves a funnel; 3: it proves a refutation; 4: it proves an upper bound of the margin; 1: a claim is
+broken; 2: it cannot be read.
 """
 
 import argparse

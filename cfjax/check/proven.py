@@ -13,6 +13,7 @@ from cfjax.check.bounds import Bounds, Extreme, Range
 from cfjax.check.document import Claims, Witness
 from cfjax.check.funnel import contraction_way
 from cfjax.check.meaning import Assumptions
+from cfjax.check.problem import ProblemClaim
 
 
 @dataclass(frozen=True)
@@ -84,4 +85,14 @@ class Refuted:
     assumptions: Assumptions | None
 
 
-Shown = Proven | Refuted
+@dataclass(frozen=True)
+class Bounded:
+    """No control funnel function of the form of `cfjax.check.upper_bound` has margin λ = `margin` (1/s) or more."""
+
+    problem: ProblemClaim
+    assumptions: Assumptions | None
+    beta_lower: fmpq
+    margin: fmpq
+
+
+Shown = Proven | Refuted | Bounded

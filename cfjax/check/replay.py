@@ -4,6 +4,9 @@ A file that says "funnel" is answered with PROVEN only if, for the vehicle, path
 conditions (a), (b), (c) and the joints hold as matrix inequalities and (d) holds with the margin λ on every sign cell
 of every piece of the shell. A file that says "refutation" is answered with REFUTED only if its witness violates a
 condition.
+
+A file of another format holds an upper bound of the margin (`cfjax.check.upper_bound`), and is answered with BOUNDED
+only if every leaf of its tree shows that no candidate is there.
 """
 
 from dataclasses import replace
@@ -16,12 +19,13 @@ from cfjax.check.held_hints import read_robustness
 from cfjax.check.meaning import Assumptions, assumptions_of
 from cfjax.check.problem import ProblemClaim
 from cfjax.check.proof import dynamics_of, prove_funnels
-from cfjax.check.proven import Proven, Refuted
+from cfjax.check.proven import Bounded, Proven, Refuted
 from cfjax.check.reader import Broken, Unreadable, read_json
 from cfjax.check.refutation import confirm_witness, references_of
 from cfjax.check.report import Outcome, Report
 from cfjax.check.sampled import prove_holds
 from cfjax.check.symbolic import Symbolic
+from cfjax.check.upper_bound_file import is_upper_bound, read_upper_bound
 
 
 CERTIFICATE_NAME, ROBUSTNESS_NAME = "certificate.json", "robustness.json"
@@ -77,6 +81,8 @@ def stated_and_proven(document: object, hints: object) -> tuple[Stated, BoundsOv
 def check_document(document: object, skip_hash: bool = False) -> Report:
     """Replay a certificate that is parsed already (lists, dicts, strings, ints)."""
     try:
+        if is_upper_bound(document):
+            return Report(Outcome.BOUNDED, shown=_bounded(document, skip_hash))
         certificate = read_certificate(document, skip_hash)
         claims = certificate.claims
         assumptions, dynamics = _check_problem(claims.problem)
@@ -94,6 +100,13 @@ def check_document(document: object, skip_hash: bool = False) -> Report:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+def _bounded(document: object, skip_hash: bool) -> Bounded:
+    bound = read_upper_bound(document, skip_hash)
+    assumptions, _ = _check_problem(bound.row.problem)
+    bound.prove()
+    return Bounded(bound.row.problem, assumptions, bound.row.beta_lower, bound.margin)
 
 
 def _refuted(claims: Claims, witness: Witness, assumptions: Assumptions | None) -> Refuted:

@@ -19,6 +19,7 @@ class Outcome(enum.Enum):
     BROKEN = 1  # a claim of the file is not proven by it
     UNREADABLE = 2  # no certificate, or none that this checker takes
     REFUTED = 3  # the file proves that a candidate is no control funnel function with its margin
+    BOUNDED = 4  # the file proves that no control funnel function of a form has a margin
 
 
 WIDTH, COLUMN = 110, 12  # characters: of a line, and of what stands before its text

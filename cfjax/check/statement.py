@@ -18,7 +18,7 @@ from cfjax.check.document import Claims
 from cfjax.check.funnel import LAW_SHARE, FunnelClaim
 from cfjax.check.meaning import Assumptions
 from cfjax.check.problem import Course, ProblemClaim
-from cfjax.check.proven import Proven, Refuted, Shown, Violation
+from cfjax.check.proven import Bounded, Proven, Refuted, Shown, Violation
 from cfjax.check.rational import about, decimal_text
 from cfjax.check.sampled import SampledClaim
 from cfjax.check.surroundings import Surroundings
@@ -67,6 +67,8 @@ def sections(shown: Shown, robustness: Robustness | None = None) -> tuple[Sectio
     """What is shown, what it speaks of, what it guarantees and, of something proven, what it absorbs."""
     if isinstance(shown, Refuted):
         return _refuted(shown)
+    if isinstance(shown, Bounded):
+        return _bounded(shown)
     problem, course = shown.claims.problem, shown.claims.problem.course
     if isinstance(course, Bounds):
         title = "one control funnel function for every path within bounds"
@@ -159,6 +161,29 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
         _sets(problem, ROUND_CEILING, ROUND_FLOOR),
         Section("inputs", (_inputs(problem, INWARDS),)),
         Section("witness", (f"at {place}theta = {about(witness.theta)} s, {at}", VIOLATED[refuted.violation])),
+    )
+
+
+def _bounded(bounded: Bounded) -> tuple[Section, ...]:
+    problem, course = bounded.problem, bounded.problem.course
+    assert isinstance(course, Course)  # of a bound, as is proven
+    *_, last = problem.vehicle.states
+    return (
+        Section(
+            "BOUNDED",
+            (f"no control funnel function of this form has a margin of lambda = {_up(bounded.margin)} 1/s or more",),
+        ),
+        _vehicle(problem.vehicle, bounded.assumptions),
+        Section("path", (_path(problem.path, course),)),
+        _sets(problem, ROUND_CEILING, ROUND_FLOOR),
+        Section("inputs", (_inputs(problem, INWARDS),)),
+        Section(
+            "form",
+            (
+                f"V = x'Cx + c0 theta, where C couples alpha with x and y with {last} alone",
+                f"conditions (a) and (b), and (d) on the shell V >= {_down(bounded.beta_lower)}",
+            ),
+        ),
     )
 
 
