@@ -437,6 +437,7 @@ UNCHECKED = {
     *(
         "InputError",
         "library_files",
+        "Frame",
         "Method",
         "Verdict",
         "TEMPLATES",

@@ -21,7 +21,7 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.check.rational import decimal_text
-from cfjax.coerce import file, instance
+from cfjax.coerce import choice, file, instance
 from cfjax.control.law import LAW_SHARE
 from cfjax.control.legs import leg_arrays
 from cfjax.errors import InputError
@@ -79,7 +79,7 @@ def sources_of(result: Result, frame: Frame | str = Frame.PAPER) -> Sources:
             needs.
     """
     instance("result", result, Result)
-    frame = Frame(frame)
+    frame = choice("frame", frame, Frame)
     if result.verdict is not Verdict.CERTIFIED or result.document is None:
         raise InputError(f"export: expected a certified run, got one that is {result.verdict.value}")
     if result.problem.path.tube:
