@@ -27,7 +27,7 @@ CAR = "single_track", "mocap,delay=0.02"
 DRIVES = {  # plant, noise, law, colour; no law: the one that was asked for
     "the model": ("model", "none", None, PF_COLOUR),
     "a car": (*CAR, None, TT_COLOUR),
-    "a car, min-norm law": (*CAR, "min_norm", SERIES_COLOURS[2]),
+    "a car, min-norm law": (*CAR, "min_norm", SERIES_COLOURS[5]),
 }
 TIGHT, WIDE = 1.5, 0.5  # 1/m: places with more, and with less curvature
 LIMIT = 45.0  # °

@@ -106,9 +106,9 @@ Make = Callable[..., Controller]
 COLOURS = {
     "pf": PF_COLOUR,
     "tt": TT_COLOUR,
-    "pure pursuit": SERIES_COLOURS[2],
+    "pure pursuit": SERIES_COLOURS[5],
     "Stanley": SERIES_COLOURS[1],
-    "MPC": SERIES_COLOURS[3],
+    "MPC": SERIES_COLOURS[2],
 }
 LABELS = {"pf": "funnel, path following", "tt": "funnel, trajectory tracking"}
 MARKERS = {"pf": "o", "tt": "s", "pure pursuit": "^", "Stanley": "v", "MPC": "D"}
