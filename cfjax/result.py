@@ -316,7 +316,7 @@ class Result:
             )
         ]
         if loop.arrival:
-            first, last = (f"{time:.3g}" for time in loop.arrival)
+            first, last = (f"{float(f'{time:.3g}'):g}" for time in loop.arrival)
             span = first if first == last else f"{first} to {last}"  # with trajectory tracking all arrive at once
             found.append(("arrival", f"after {span} s, of these cars"))
         return found
