@@ -92,6 +92,7 @@ def run(
     """
     from cfjax.conf import waypoint_file, yaml_of
     from cfjax.errors import Interrupted, NotWritten
+    from cfjax.problem import Frame
     from cfjax.progress import progress_on
     from cfjax.report.files import refuse_finished
     from cfjax.report.run_folder import keep_elsewhere, write_run
@@ -101,6 +102,7 @@ def run(
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
     told: list[str] = []
+    frame = Frame(config.frame)
     stopped: Interrupted | None = None
 
     def tell(result: "Result") -> None:
@@ -140,12 +142,13 @@ def run(
                 harden=(lambda proven: harden(proven, options, clock)) if options.robustness and not stopped else None,
                 drive=driven,
                 points=points,
+                frame=frame,
                 page=page,
                 progress=clock,
             )
     except NotWritten as lost:
         try:
-            result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points)
+            result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points, frame)
         except NotWritten as nowhere:
             tell(nowhere.result)
             raise

@@ -312,15 +312,18 @@ class Result:
 
     def _driven(self, loop: ClosedLoop) -> list[tuple[str, str]]:
         goal = f", {loop.missed_goal} missed G" if self.problem.goal else ""
+        safe = f", {loop.left_safe} left S" if self.problem.safe or self.problem.obstacles else ""
         found = [
             (
                 "cars",
-                f"{loop.cars} driven: {loop.left_funnel} left the funnel, {loop.left_safe} left S{goal}; largest V "
+                f"{loop.cars} driven: {loop.left_funnel} left the funnel{safe}{goal}; largest V "
                 f"{loop.largest_value:.4g}",
             )
         ]
         if loop.arrival:
-            found.append(("arrival", f"after {loop.arrival[0]:.3g} to {loop.arrival[1]:.3g} s, of these cars"))
+            first, last = (f"{float(f'{time:.3g}'):g}" for time in loop.arrival)
+            span = first if first == last else f"{first} to {last}"  # with trajectory tracking all arrive at once
+            found.append(("arrival", f"after {span} s, of these cars"))
         return found
 
 

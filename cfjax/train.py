@@ -161,7 +161,7 @@ def _main() -> int:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from cfjax.conf import hydra_overrides, one_line, preset_folder
+    from cfjax.conf import help_text, hydra_overrides, one_line, preset_folder
     from cfjax.errors import InputError, NotWritten
     from cfjax.report.resume import at_work, sweep_identity, sweep_name
 
@@ -179,8 +179,11 @@ def _main() -> int:
         flags = _without(sys.argv[1:], given.overrides)
         try:
             overrides = hydra_overrides(given.overrides, sweep=given.multirun)
-        except InputError as error:
-            return _refuse(str(error))
+            if given.help:
+                print(help_text(overrides, given.config_dir and Path(given.config_dir)))
+                return 0
+        except (InputError, HydraException, OmegaConfBaseException) as error:
+            return _refuse(one_line(error))
         if given.multirun:
             Checks.identity = sweep_identity(overrides)
             if not any(override.startswith("hydra.sweep.dir=") for override in overrides):

@@ -28,6 +28,7 @@ from cfjax.problem import Path as Course
 from cfjax.report.page import save_page
 from cfjax.report.plot import save_picture
 from cfjax.report.run_folder import write_run
+from cfjax.report.style import STYLE
 from cfjax.rounded import margin_text
 from cfjax.synthesis import drive, search
 
@@ -142,6 +143,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], picture: Path) -> None:
     import matplotlib.pyplot as plt
     from matplotlib.ticker import NullLocator, ScalarFormatter
 
+    plt.rcParams.update(STYLE)
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
     for index, way in enumerate(dict.fromkeys(name.split(":")[0] for name in curves)):
         for stage, line in (("total", "o-"), ("certify", "o--")):

@@ -31,6 +31,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from cfjax.check.program import monomials
+from cfjax.report.style import STYLE
 from cfjax.solver import Program, solver_named
 from cfjax.solver.clarabel import scaled_program
 from cfjax.solver.program import dense
@@ -188,6 +189,7 @@ def cells(line: str) -> list[str]:
 def draw(lines: Sequence[str], picture: Path) -> None:
     """Programs a second over the stack's size, from the lines of a table: its head, a rule, and rows."""
     stacks = list(map(int, cells(lines[0])[2:-1]))
+    plt.rcParams.update(STYLE)
     figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
     for line in lines[2:]:
         size, name, *rates, _ = cells(line)

@@ -397,8 +397,8 @@ TABLE: dict[str, Callable[[], Call]] = {
         way=None,
     ),
     "robustness_of": lambda: slow(cfjax.certificate.robustness_of, result=RESULT, workers=1),
-    "sources_of": lambda: slow(cfjax.export.sources_of, result=RESULT),
-    "write_controller": lambda: slow(cfjax.export.write_controller, result=RESULT, folder="nowhere"),
+    "sources_of": lambda: slow(cfjax.export.sources_of, result=RESULT, frame="ros"),
+    "write_controller": lambda: slow(cfjax.export.write_controller, result=RESULT, folder="nowhere", frame="ros"),
     "write_package": lambda: slow(cfjax.export.write_package, result=RESULT, folder="nowhere"),
     "write_chain": lambda: slow(
         cfjax.tubes.write_chain, {"path": {"text", "a number as text"}}, following=following(), path="nowhere"
@@ -437,6 +437,7 @@ UNCHECKED = {
     *(
         "InputError",
         "library_files",
+        "Frame",
         "Method",
         "Verdict",
         "TEMPLATES",

@@ -35,6 +35,15 @@ def test_a_certified_result_is_a_list_with_units(certified: Result) -> None:
     ]
 
 
+def test_times_that_are_one_and_sets_that_are_not_there_are_not_said_twice(certified: Result) -> None:
+    together = certified.replace(closed_loop=ClosedLoop(10, 0, 0, 0, 0.5, (6.0, 6.0004)))
+    assert "  arrival         after 6 s, of these cars" in str(together)
+    lap = certified.replace(closed_loop=ClosedLoop(10, 0, 0, 0, 0.5, (1088.6, 1101.2)))
+    assert "after 1090 to 1100 s, of" in str(lap)
+    without = together.replace(problem=replace(certified.problem, safe=None))
+    assert "10 driven: 0 left the funnel, 0 missed G; largest" in str(without)
+
+
 def test_one_line_says_verdict_path_method_margins_and_cars(certified: Result) -> None:
     assert repr(certified) == (
         "<certified: circle, trajectory tracking (TT); margin 0.3123 1/s proven; the falsifier found no less than "

@@ -1,7 +1,9 @@
 """`python -m cfjax.simulate`: what it writes, and what it says to bad input."""
 
+import csv
 import json
 import lzma
+import math
 from importlib import resources
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 from PIL import Image
 
 import cfjax.simulate.__main__ as command
-from cfjax.problem import Interval, Problem, ball, circle, tube
+from cfjax.problem import Frame, Interval, Problem, ball, circle, tube
 from cfjax.result import Absorbed, Robustness
 from cfjax.simulate import experiment
 from cfjax.simulate.report import account_of_period
@@ -21,6 +23,12 @@ from cfjax.verdict import Verdict
 LIBRARY = "normal-gentle-slow.json.xz"
 
 
+@pytest.fixture(autouse=True)
+def runs_are_in_the_papers_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The runs here are made by hand: no folder says so."""
+    monkeypatch.setattr(experiment, "read_frame", lambda folder: Frame.PAPER)
+
+
 def test_it_writes_summary_cars_picture_and_animation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, hand_made
 ) -> None:
@@ -29,14 +37,31 @@ def test_it_writes_summary_cars_picture_and_animation(
     monkeypatch.setattr("cfjax.report.animation.FRAMES", 3)
     # as many cars, and the class of plant, as in tests/simulation/test_sampled.py: compiled once for both
     plant = ["--plant", "disturbed:x=0.001", "--n", "16"]
-    arguments = [*plant, "--period", "0.1", "--noise", "mocap", "--animate", "--out", str(tmp_path / "out")]
+    arguments = [
+        *plant,
+        "--period",
+        "0.1",
+        "--noise",
+        "mocap",
+        "--frame",
+        "ros",
+        "--animate",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert command.main([str(tmp_path), *arguments]) == 0
     out = tmp_path / "out"
     assert capsys.readouterr().out.splitlines()[-1] == f"simulation: {out}"
     summary = json.loads((out / "summary.json").read_text())
     assert summary["cars"] == 16 and summary["question"]["noise"] == "mocap" and summary["period"] == 0.1
     assert summary["question"]["plant"] == "disturbed:x=0.001"
-    assert len((out / "cars.csv").read_text().splitlines()) == 17
+    with (out / "cars.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 16 and list(rows[0])[:5] == ["car", "yaw", "x", "y", "v"]
+    # the circle begins in (1.5, 0), where it leads along +y; the file is one of starts, as it stands
+    assert np.mean([float(row["yaw"]) for row in rows]) == pytest.approx(math.pi / 2, abs=0.3)
+    again = experiment.ask(experiment.Question(tmp_path, starts=str(out / "cars.csv"), period=0.1))
+    np.testing.assert_allclose(again.starts[:, 0], [float(row["yaw"]) - math.pi / 2 for row in rows], atol=1e-15)
     with Image.open(out / "simulation.gif") as film, Image.open(out / "simulation.png") as picture:
         assert getattr(film, "n_frames", 1) > 1 and picture.width > 500
 
@@ -52,6 +77,7 @@ def test_it_writes_summary_cars_picture_and_animation(
     [
         (["--plant", "hovercraft"], "plant: expected one of model, disturbed"),
         (["--noise", "fog"], "noise: expected one of none, mocap, wifi"),
+        (["--frame", "rosy"], "frame: expected one of paper, ros, got rosy; did you mean ros?"),
         (["--law", "pid"], "law: expected one of min_norm"),
         (["--n", "0"], "--n: expected at least one car"),
         (["--period", "-1"], "--period: expected seconds between 0 and"),

@@ -20,6 +20,7 @@ from cfjax.conf.build import (
     yaml_of,
 )
 from cfjax.conf.command_line import hydra_overrides, values_of
+from cfjax.conf.help import help_text
 from cfjax.conf.messages import one_line
 from cfjax.conf.schema import PATH_KINDS, VEHICLE_KINDS, Config, CustomConfig
 from cfjax.conf.user_class import own_vehicle
@@ -30,6 +31,7 @@ __all__ = [
     "CustomConfig",
     "command_vehicle",
     "config_of",
+    "help_text",
     "hydra_overrides",
     "one_line",
     "options_of",

@@ -315,8 +315,10 @@ class Config:
     robustness: bool = Options.robustness
     period: float | None = Options.period
     cars: int = Options.cars
+    frame: str = "paper"  # of headings in files: "paper", alpha from +y; or "ros", yaw from +x (page frames.md)
     logger: str = "none"  # "none"; or "wandb", Weights & Biases
     wandb: WandbConfig = field(default_factory=WandbConfig)
 
     def __post_init__(self) -> None:
+        one_of("frame", self.frame, ("paper", "ros"))
         one_of("logger", self.logger, ("none", "wandb"))

@@ -23,18 +23,28 @@ def main(arguments: list[str] | None = None) -> int:
         action="store_true",
         help="write an ament package: a C++ node with odometry in, Ackermann command out; never built with ROS itself",
     )
+    parser.add_argument(
+        "--frame",
+        help="of the heading in the states of the C code: paper, from +y; ros, yaw from +x; default: the run's. The "
+        "package of ROS 2 is in the frame of ROS",
+    )
     parser.add_argument("--vehicle", metavar="module.Class", help="of a run of your own vehicle: its class")
     options = parser.parse_args(arguments)
     os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before the first array
 
     from cfjax.errors import InputError
     from cfjax.export import write_controller, write_package
-    from cfjax.report.run_folder import read_run
+    from cfjax.report.run_folder import read_frame, read_run
 
-    write, name = (write_package, "ros2") if options.ros2 else (write_controller, "controller")
-    output = options.output or options.folder / name
+    output = options.output or options.folder / ("ros2" if options.ros2 else "controller")
     try:
-        written = write(read_run(options.folder, options.vehicle), output)
+        if options.ros2 and options.frame:
+            raise InputError("--frame: expected none beside --ros2, whose node is in the frame of ROS")
+        result = read_run(options.folder, options.vehicle)
+        if options.ros2:
+            written = write_package(result, output)
+        else:
+            written = write_controller(result, output, options.frame or read_frame(options.folder))
     except InputError as error:
         message = str(error)
     except OSError as error:

@@ -21,13 +21,13 @@ import numpy as np
 from flint import fmpq
 
 from cfjax.check.rational import decimal_text
-from cfjax.coerce import file, instance
+from cfjax.coerce import choice, file, instance
 from cfjax.control.law import LAW_SHARE
 from cfjax.control.legs import leg_arrays
 from cfjax.errors import InputError
 from cfjax.export.graph_c import dynamics, number, straight
 from cfjax.funnel import Template
-from cfjax.problem import Problem
+from cfjax.problem import Frame, Problem
 from cfjax.problem.course import poses_of, profiles_of
 from cfjax.problem.vehicle import numbers_of
 from cfjax.report.files import write_whole
@@ -37,6 +37,14 @@ from cfjax.verdict import Verdict
 
 HEADER, SOURCE = "cfjax_controller.h", "cfjax_controller.c"
 INDENT = "    "
+HEADINGS = {
+    Frame.PAPER: "heading (rad, 0 looks along +y, counter-clockwise)",
+    Frame.ROS: "yaw (rad, 0 looks along +x, counter-clockwise)",
+}
+MOTIONS = {
+    Frame.PAPER: "Heading 0 looks along +y and counts counter-clockwise: x' = -v sin(heading), y' = v cos(heading).",
+    Frame.ROS: "Yaw 0 looks along +x and counts counter-clockwise: x' = v cos(yaw), y' = v sin(yaw).",
+}
 
 
 class Sources(NamedTuple):
@@ -46,32 +54,39 @@ class Sources(NamedTuple):
     source: str
 
 
-def write_controller(result: Result, folder: str | PathLike[str]) -> list[Path]:
+def write_controller(result: Result, folder: str | PathLike[str], frame: Frame | str = Frame.PAPER) -> list[Path]:
     """Write header and source into `folder`, each whole or not at all; returns their paths.
 
+    `frame`: of the heading in states, `paper` or `ros`.
+
     Raises:
-        InputError: where the run has no controller; see `sources_of`.
+        InputError: where the run has no controller (see `sources_of`), or there is no such frame.
     """
-    sources, folder = sources_of(result), file("folder", folder)
+    sources, folder = sources_of(result, frame), file("folder", folder)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in ((SOURCE, sources.source), (HEADER, sources.header)):
         write_whole(folder / name, text.encode("ascii"))
     return [folder / HEADER, folder / SOURCE]
 
 
-def sources_of(result: Result) -> Sources:
+def sources_of(result: Result, frame: Frame | str = Frame.PAPER) -> Sources:
     """Header and source of the controller that drives a certified run's path under the min-norm law.
+
+    `frame`: of the heading in states, `paper` or `ros`.
 
     Raises:
         InputError: where the run is not certified, where it is of a tube alone, or where C has not what the vehicle
             needs.
     """
     instance("result", result, Result)
+    frame = choice("frame", frame, Frame)
     if result.verdict is not Verdict.CERTIFIED or result.document is None:
         raise InputError(f"export: expected a certified run, got one that is {result.verdict.value}")
     result.problem.path.require_course()
-    fields = {name: _ascii(text) for name, text in {**_names(result), **_tables(result), **_code(result)}.items()}
-    banner = [line for long in _ascii(_banner(result)).splitlines() for line in textwrap.wrap(long, 116) or [""]]
+    fields = {
+        name: _ascii(text) for name, text in {**_names(result, frame), **_tables(result), **_code(result)}.items()
+    }
+    banner = [line for long in _ascii(_banner(result, frame)).splitlines() for line in textwrap.wrap(long, 116) or [""]]
     fields["banner"] = "\n".join(f" * {line}".rstrip() for line in banner)
     room = resources.files("cfjax.export")
     source = Text(room.joinpath("controller.c.in").read_text("utf-8"))
@@ -95,7 +110,7 @@ def _inputs(problem: Problem) -> tuple[str, ...]:
     return ("u0", *problem.vehicle.input_names)
 
 
-def _names(result: Result) -> dict[str, str]:
+def _names(result: Result, frame: Frame) -> dict[str, str]:
     """What the two files call things, and how many there are."""
     problem = result.problem
     vehicle, internal = problem.vehicle, problem.vehicle.internal_names
@@ -113,8 +128,9 @@ def _names(result: Result) -> dict[str, str]:
         "legs": str(len(result.legs)),
         "closed": str(int(problem.path.closed)),
         "duration": number(float(leg_arrays(problem, result.legs).end[-1])),
-        "state_list": ", ".join(vehicle.state_names),
-        "state_units": ", ".join(("heading (rad, 0 looks along +y, counter-clockwise)", "x, y (m)", *internal)),
+        "ros": str(int(frame is Frame.ROS)),
+        "state_list": ", ".join((frame.heading, *vehicle.state_names[1:])),
+        "state_units": ", ".join((HEADINGS[frame], "x, y (m)", *internal)),
         "input_list": ", ".join(_inputs(problem)),
         "command_list": "; ".join(vehicle.command_names),
         "safe": "\n".join(f" *   {each}" for each in safe),
@@ -215,7 +231,7 @@ def _laps(result: Result) -> str:
     return "No: G does not lie in I. The next lap is driven, and each step says whether V <= 1."
 
 
-def _banner(result: Result) -> str:
+def _banner(result: Result, frame: Frame) -> str:
     """What the controller is, and what is guaranteed of it."""
     problem, document = result.problem, result.document or {}
     duration = leg_arrays(problem, result.legs).end[-1]
@@ -240,7 +256,7 @@ vehicle      {vehicle.name} ({numbers})
 method       {problem.method.words}, template {_template(result).name}
 margins      {margins}{more} 1/s, one for each leg; the law asks {LAW_SHARE:g} of it
 
-Units: m, s, rad. Heading 0 looks along +y and counts counter-clockwise: x' = -v sin(heading), y' = v cos(heading).
+Units: m, s, rad. {MOTIONS[frame]}
 A deviation is seen from the reference: heading, to its right, ahead, then the internal states.
 
 Guaranteed of the law in continuous time, for the vehicle above: whoever is in V <= 1 stays there up to the path's \

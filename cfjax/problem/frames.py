@@ -5,18 +5,43 @@ yaw 0 looks along +x: yaw = heading + π/2, both counter-clockwise. Seen from a 
 ahead; in ROS x is ahead and y is to the left. Internal states, such as the speed, are the same.
 
 As in `to_deviation`, entries are scalars, or arrays of equal length.
+
+`Frame` says which of the two headings a file holds. Files are converted where they are read and written, and nowhere
+else.
 """
 
+import enum
 import math
 from typing import NamedTuple
 
-from cfjax.coerce import Numbers
+from cfjax.coerce import Numbers, choice
 from cfjax.problem.deviation import scalars
 from cfjax.problem.path import Pose
 from cfjax.problem.vehicle import Scalar
 
 
 QUARTER = math.pi / 2  # rad, from +x to +y
+
+
+class Frame(enum.Enum):
+    """The frame of headings in files: `paper`, from +y, in a column `alpha`; or `ros`, from +x, in a column `yaw`."""
+
+    PAPER = "paper"
+    ROS = "ros"
+
+    @classmethod
+    def _missing_(cls, value: object) -> "Frame":
+        return choice("frame", value, cls)
+
+    @property
+    def heading(self) -> str:
+        """The name of the heading in files."""
+        return {Frame.PAPER: "alpha", Frame.ROS: "yaw"}[self]
+
+    @property
+    def shift(self) -> float:
+        """What the heading in files exceeds the one here by, rad."""
+        return {Frame.PAPER: 0.0, Frame.ROS: QUARTER}[self]
 
 
 class RosPose(NamedTuple):

@@ -251,6 +251,26 @@ class Path:
         if len(self.segments) > 1 and not math.isfinite(self.duration):
             raise InputError(f"path {self.name}: expected a tube alone, it has no end to which another could join")
 
+    def __str__(self) -> str:
+        """One line: what it is, how long, and how fast; as the command says it of a file of points."""
+        if self.source:
+            return self.source
+        if (tube := self.tube) is not None:
+            bounds = (
+                ("curvature", tube.curvature, "1/m"),
+                ("speed", tube.speed, "m/s"),
+                ("dv/dt", tube.acceleration, "m/s²"),
+            )
+            within = ", ".join(f"{name} {own.lower:g} to {own.upper:g} {unit}" for name, own, unit in bounds)
+            return f"{self.name}: every path within {within}"
+        places = [np.linspace(0.0, segment.duration, 201) for segment in self.curve]
+        speeds = [segment.speed.values(own) for segment, own in zip(self.curve, places, strict=True)]
+        length = sum(float(np.trapezoid(own, at)) for own, at in zip(speeds, places, strict=True))
+        least, most = (f"{end:.3g}" for end in (np.concatenate(speeds).min(), np.concatenate(speeds).max()))
+        count = f"{len(self.curve)} segment{'s' if len(self.curve) > 1 else ''}"
+        fast = f"{least} to {most}" if least != most else least
+        return f"{self.name}: {count}, {length:.3g} m, {'closed' if self.closed else 'open'}, {fast} m/s"
+
     @property
     def curve(self) -> tuple[Segment, ...]:
         """The segments of a path that has a course; none for a tube."""

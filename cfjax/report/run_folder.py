@@ -37,7 +37,7 @@ from cfjax.clock import Clock
 from cfjax.errors import InputError, NotWritten
 from cfjax.exact import tube_within
 from cfjax.options import Progress
-from cfjax.problem import Problem
+from cfjax.problem import Frame, Problem
 from cfjax.report.files import (
     CERTIFICATE,
     CONFIG,
@@ -74,16 +74,18 @@ def write_run(
     folder: Path,
     config_yaml: str,
     picture: Callable[[Result, Path], None] | None = None,
+    *,
     check: Check = check_file,
     harden: Callable[[Result], dict[str, Any] | None] | None = None,
     drive: Callable[[Result], Result] | None = None,
     points: bytes | None = None,
+    frame: Frame = Frame.PAPER,
     page: Callable[[Result, Path], None] | None = None,
     progress: Progress | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
-    `points` is the content of the waypoint file, where the path is made of one.
+    `points` is the content of the waypoint file, where the path is made of one. `frame` is that of reference.csv.
 
     A result whose certificate the checker does not accept comes back `inconclusive`. `harden` finds hints for what the
     funnels absorb, of which nothing is claimed but what the checker shows. `drive` adds the closed loop to the result
@@ -110,7 +112,7 @@ def write_run(
         with clock.stage("check") if result.document is not None else nullcontext():
             result = _write_certificate(result, folder / CERTIFICATE, check)
         if result.problem.path.curve:  # a tube has none
-            write_whole(folder / REFERENCE, reference_csv(result.problem).encode())
+            write_whole(folder / REFERENCE, reference_csv(result.problem, frame).encode())
         write_whole(folder / CONFIG, config_yaml.encode())
         if points is not None:
             write_whole(folder / WAYPOINTS, points)
@@ -142,7 +144,7 @@ def _clear(folder: Path) -> None:
 
 
 def keep_elsewhere(
-    lost: NotWritten, folder: Path, config_yaml: str, points: bytes | None = None
+    lost: NotWritten, folder: Path, config_yaml: str, points: bytes | None = None, frame: Frame = Frame.PAPER
 ) -> tuple[Result, Path]:
     """The run that `folder` did not take, in a new folder where the system has room: without picture, page and cars.
 
@@ -157,7 +159,7 @@ def keep_elsewhere(
         elsewhere = Path(tempfile.mkdtemp(prefix="cfjax-"))
         again = (lambda _: hints) if hints else None
         return write_run(
-            result.replace(robustness=None), elsewhere, config_yaml, harden=again, points=points
+            result.replace(robustness=None), elsewhere, config_yaml, harden=again, points=points, frame=frame
         ), elsewhere
     except (OSError, NotWritten):
         pass
@@ -325,18 +327,18 @@ def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -
         print(f"warning: {path.name} could not be drawn ({why or f'{type(error).__name__}: {error}'})", file=sys.stderr)
 
 
-def reference_csv(problem: Problem) -> str:
+def reference_csv(problem: Problem, frame: Frame = Frame.PAPER) -> str:
     """Samples of the path: segment, theta (s), alpha (rad), x, y (m), v (m/s), omega (rad/s); full precision.
 
-    alpha is the heading of the vehicle that moves along it.
+    alpha is the heading of the vehicle that moves along it; `yaw`, from +x, in the frame of ROS.
     """
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(["segment", "theta", "alpha", "x", "y", "v", "omega"])
+    writer.writerow(["segment", "theta", frame.heading, "x", "y", "v", "omega"])
     for index, segment in enumerate(problem.path.curve):
         theta = np.linspace(0.0, segment.duration, REFERENCE_ROWS)
         profile = [segment.speed.values(theta), segment.turn_rate.values(theta)]
-        poses = segment.poses(theta) + np.array([problem.side_slip, 0.0, 0.0])
+        poses = segment.poses(theta) + np.array([problem.side_slip + frame.shift, 0.0, 0.0])
         for row in np.column_stack([theta, poses, *profile]):
             writer.writerow([index, *(repr(float(value)) for value in row)])
     return file.getvalue()
@@ -371,6 +373,11 @@ def read_run(folder: Path, vehicle: str | None = None) -> Result:
         raise InputError(
             f"{folder / RESULT}: expected the result of a run ({type(error).__name__}: {error})"
         ) from error
+
+
+def read_frame(folder: Path) -> Frame:
+    """The frame of headings in the files of a run folder; raises InputError as `read_config`."""
+    return Frame(read_config(folder).frame)
 
 
 def read_config(folder: Path) -> "Config":

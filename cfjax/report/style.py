@@ -6,6 +6,7 @@ Colours that stand in one picture are told apart by colour-blind readers too.
 from typing import Any
 
 import numpy as np
+from cycler import cycler
 from jaxtyping import Float
 
 
@@ -22,6 +23,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "legend.frameon": False,
+    "axes.prop_cycle": cycler(color=SERIES_COLOURS),
     "svg.hashsalt": "cfjax",  # the same picture is the same file
     "pdf.fonttype": 42,  # publishers refuse the other one
 }

@@ -67,7 +67,10 @@ def _parser() -> Parser:
         default="random",
         metavar="random|worst|FILE.csv",
         help="random: of I; worst: on the funnel's inlet, where V can be made to fall least; a file: columns "
-        "alpha (rad), x, y (m), v (m/s) in the world frame",
+        "alpha (rad; or yaw, as ROS counts it), x, y (m), v (m/s) in the world frame",
+    )
+    parser.add_argument(
+        "--frame", help="of headings in cars.csv: paper, alpha from +y; ros, yaw from +x; default: the run's"
     )
     parser.add_argument("--seed", type=int, default=0, help="of starts, noise and disturbance; default: 0")
     parser.add_argument("--laps", type=int, default=1, help="of a path that closes; default: 1")
@@ -119,7 +122,7 @@ def _main(options: argparse.Namespace) -> int:
 def _question(options: argparse.Namespace) -> "Question":
     from cfjax.simulate.experiment import Question
 
-    names = ("folder", "plant", "noise", "law", "n", "period", "starts", "seed", "laps", "path", "vehicle")
+    names = ("folder", "plant", "noise", "law", "n", "period", "starts", "seed", "laps", "path", "vehicle", "frame")
     return Question(**{name: getattr(options, name) for name in names})
 
 

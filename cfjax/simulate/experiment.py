@@ -10,8 +10,8 @@ from jaxtyping import Float
 from cfjax.control import Law, law_named
 from cfjax.errors import InputError
 from cfjax.plants import HostPlant, Plant, Sensor, plant_named, sensor_named
-from cfjax.problem import Problem
-from cfjax.report.run_folder import read_run
+from cfjax.problem import Frame, Problem
+from cfjax.report.run_folder import read_frame, read_run
 from cfjax.result import Result
 from cfjax.simulate.tube_course import along_path
 from cfjax.simulation.controller import Follower
@@ -40,6 +40,7 @@ class Question:
     laps: int = 1
     path: Path | None = None
     vehicle: str | None = None  # module.Class, of a run of one's own
+    frame: str | None = None  # of headings in cars.csv; None: the run's
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Experiment:
     law: Law
     period: float  # s
     starts: Float[np.ndarray, "k n"]
+    frame: Frame  # of headings in cars.csv
     theta: Float[np.ndarray, " k"] | None  # where on the path they start, where that is not looked for
 
     @property
@@ -68,9 +70,11 @@ def ask(question: Question) -> Experiment:
         InputError: says what was expected.
     """
     law = law_named(question.law)
+    frame = None if question.frame is None else Frame(question.frame)
     if question.n is not None and question.n < 1:
         raise InputError(f"--n: expected at least one car, got {question.n}")
     result = read_run(question.folder, question.vehicle)
+    frame = frame or read_frame(question.folder)
     if result.verdict is not Verdict.CERTIFIED:
         raise InputError(f"{question.folder}: expected a certified run, this one is {result.verdict.value}")
     if result.problem.path.tube or question.path:
@@ -90,7 +94,7 @@ def ask(question: Question) -> Experiment:
         starts, theta = worst_starts(track, count, question.seed), np.zeros(count)
     else:
         starts = read_starts(problem, Path(question.starts))[: question.n]
-    return Experiment(question, result, track, plant, sensor, law, period, starts, theta)
+    return Experiment(question, result, track, plant, sensor, law, period, starts, frame, theta)
 
 
 def run_experiment(experiment: Experiment) -> SampledLoop:

@@ -91,15 +91,18 @@ def _spread(values: np.ndarray) -> dict[str, float] | None:
 
 def cars_csv(experiment: Experiment, loop: SampledLoop) -> str:
     """A row for each car, full precision: its start (world frame), what became of it, and the figures."""
-    vehicle = experiment.problem.vehicle
+    vehicle, frame = experiment.problem.vehicle, experiment.frame
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     flags = ("arrived", "in_goal", "left_safe", "left_funnel", "failed")
     numbers = ("time", "left_safe_at", "largest_value", "rms_lateral", "largest_lateral", "clearance")
     saturation = [f"saturation ({name})" for name in vehicle.command_names]
-    writer.writerow(["car", *vehicle.state_names, "theta", "start_value", *flags, *numbers, *saturation])
+    writer.writerow(
+        ["car", frame.heading, *vehicle.state_names[1:], "theta", "start_value", *flags, *numbers, *saturation]
+    )
     for car in range(len(loop.arrived)):
-        figures = [*loop.starts[car], loop.theta[car], loop.start_value[car]]
+        heading, *others = loop.starts[car]
+        figures = [heading + frame.shift, *others, loop.theta[car], loop.start_value[car]]
         rest = [*(getattr(loop, name)[car] for name in numbers), *loop.saturation[car]]
         said = [int(getattr(loop, name)[car]) for name in flags]
         writer.writerow([car, *map(_cell, figures), *said, *map(_cell, rest)])

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from cfjax.control import descent_at
 from cfjax.errors import InputError
-from cfjax.problem import Problem, to_state
+from cfjax.problem import Frame, Problem, to_state
 from cfjax.simulation.loop import sample_starts
 from cfjax.simulation.track import Track
 
@@ -95,14 +95,18 @@ def _rates(track: Track, x: Float[Array, " n"]) -> tuple[Float[Array, ""], Float
 def read_starts(problem: Problem, file: Path) -> Float[np.ndarray, "k n"]:
     """States (α in rad, x and y in m, ξ…; world frame) from a CSV file with a header that names them.
 
+    A column `yaw` in place of `alpha` has headings in the frame of ROS.
+
     Raises:
         InputError: says which columns or which row.
     """
-    names = problem.vehicle.state_names
+    frame, names = Frame.PAPER, problem.vehicle.state_names
     try:
         with file.open(encoding="utf-8", newline="") as text:
             reader = csv.DictReader(text)
             columns = [name.strip() for name in reader.fieldnames or ()]
+            if Frame.ROS.heading in columns and Frame.PAPER.heading not in columns:
+                frame, names = Frame.ROS, (Frame.ROS.heading, *names[1:])
             if missing := [name for name in names if name not in columns]:
                 raise InputError(
                     f"--starts: expected the columns {', '.join(names)} in {file}, {missing[0]} is missing"
@@ -122,4 +126,4 @@ def read_starts(problem: Problem, file: Path) -> Float[np.ndarray, "k n"]:
         raise InputError(f"--starts: expected random, worst or a CSV file, cannot read {file} ({reason})") from error
     if not rows:
         raise InputError(f"--starts: expected at least one state in {file}")
-    return np.array(rows)
+    return np.array(rows) - np.array([frame.shift] + [0.0] * (len(names) - 1))

@@ -23,7 +23,7 @@ from cfjax.errors import InputError
 from cfjax.plants import plant_named, sensor_named
 from cfjax.report.files import RESULT, versions, write_whole
 from cfjax.report.run_folder import read_run, write_run
-from cfjax.report.style import STYLE
+from cfjax.report.style import SERIES_COLOURS, STYLE
 from cfjax.result import Result
 from cfjax.simulation.controller import Follower
 from cfjax.simulation.sampled import SampledLoop, drive_sampled
@@ -32,7 +32,7 @@ from cfjax.synthesis import search
 from cfjax.verdict import Verdict
 
 
-PF_COLOUR, TT_COLOUR = "#1864ab", "#c92a2a"  # as in the paper's figures of the circle
+PF_COLOUR, TT_COLOUR = SERIES_COLOURS[0], SERIES_COLOURS[4]  # blue and red, as in the paper's figures of the circle
 COLOURS = {"pf": PF_COLOUR, "tt": TT_COLOUR}
 NAMES = {"pf": "path following", "tt": "trajectory tracking"}
 DPI, LARGEST = 150, 250_000  # of a picture; bytes

@@ -17,18 +17,17 @@ from matplotlib.lines import Line2D
 
 from cfjax.report.draw import draw, handles
 from cfjax.report.plane import Plane
-from cfjax.report.style import FAILED_COLOUR, SERIES_COLOURS, STYLE
+from cfjax.report.style import CAR_COLOUR, FAILED_COLOUR, STYLE
 from cfjax.simulation.sampled import SampledLoop
 from cfjax.simulation.starts import in_world
 from cfjax.simulation.track import track_of
-from experiments.figures.figure import PF_COLOUR, Claim, Drawn, Setting, certified, drive, driven
+from experiments.figures.figure import Claim, Drawn, Setting, certified, drive, driven
 
 
 REACH = 4.0  # of the deviations, times the funnel's head
 ROUNDING = 2e-3  # m: the region is drawn with polygons
 SHOWN = 6  # cars of each kind
 TITLES = ("guaranteed", "not guaranteed, but safe", "not guaranteed, unsafe")
-HIT_COLOUR, UNSAFE_COLOUR, SAFE_COLOUR = FAILED_COLOUR, *SERIES_COLOURS[1:3]
 GOES_ON = 0.5  # m around the path's end: there the region ends, and a body beyond it is not held against a car
 
 
@@ -61,8 +60,7 @@ def make(setting: Setting) -> Drawn:
                 )
             for car in some[:SHOWN]:
                 position = loop.samples.state[driven(loop, car), car, 1:3]
-                colour = PF_COLOUR if guaranteed[car] else SAFE_COLOUR if inside[car] else UNSAFE_COLOUR
-                colour = HIT_COLOUR if hit[car] else colour
+                colour = FAILED_COLOUR if hit[car] else CAR_COLOUR
                 axes.plot(*position.T, color=colour, lw=0.9, zorder=5)
                 axes.plot(*position[0], ".", color=colour, ms=4, zorder=5)
             axes.set_title(f"({'abc'[TITLES.index(title)]}) {title}")
@@ -70,8 +68,8 @@ def make(setting: Setting) -> Drawn:
             axes.label_outer()
         entries = [
             *handles(panel),
-            Line2D([], [], color=UNSAFE_COLOUR, lw=0.9, label="leaves the reach"),
-            Line2D([], [], color=HIT_COLOUR, lw=0.9, label="hits"),
+            Line2D([], [], color=CAR_COLOUR, lw=0.9, label="cars"),
+            Line2D([], [], color=FAILED_COLOUR, lw=0.9, label="cars that hit"),
         ]
         figure.legend(handles=entries, loc="outside lower center", ncols=5, fontsize=8, handlelength=1.6)
     rows = [

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cfjax.problem.course import profiles_of
-from cfjax.report.style import REFERENCE_COLOUR, STYLE
+from cfjax.report.style import REFERENCE_COLOUR, SERIES_COLOURS, STYLE
 from cfjax.result import Result
 from cfjax.simulation.loop import sample_starts
 from cfjax.simulation.sampled import SampledLoop
@@ -27,7 +27,7 @@ CAR = "single_track", "mocap,delay=0.02"
 DRIVES = {  # plant, noise, law, colour; no law: the one that was asked for
     "the model": ("model", "none", None, PF_COLOUR),
     "a car": (*CAR, None, TT_COLOUR),
-    "a car, min-norm law": (*CAR, "min_norm", "#2b8a3e"),
+    "a car, min-norm law": (*CAR, "min_norm", SERIES_COLOURS[5]),
 }
 TIGHT, WIDE = 1.5, 0.5  # 1/m: places with more, and with less curvature
 LIMIT = 45.0  # °

@@ -40,7 +40,7 @@ from cfjax.plants.model import inputs_of, world_rate
 from cfjax.plants.plant import number
 from cfjax.problem import KinematicBicycle
 from cfjax.report.files import write_whole
-from cfjax.report.style import STYLE
+from cfjax.report.style import SERIES_COLOURS, STYLE
 from cfjax.result import Result
 from cfjax.simulation.controller import Controller, Follower
 from cfjax.simulation.sampled import SampledLoop, drive_sampled
@@ -103,7 +103,13 @@ PANELS: dict[str, tuple[str, tuple[Condition, ...]]] = {
 TUNED_AT = (Condition(), Condition(disturbance=0.75), Condition(delay=0.16), Condition(ratio=2.0))
 
 Make = Callable[..., Controller]
-COLOURS = {"pf": PF_COLOUR, "tt": TT_COLOUR, "pure pursuit": "#2b8a3e", "Stanley": "#e8590c", "MPC": "#6741d9"}
+COLOURS = {
+    "pf": PF_COLOUR,
+    "tt": TT_COLOUR,
+    "pure pursuit": SERIES_COLOURS[5],
+    "Stanley": SERIES_COLOURS[1],
+    "MPC": SERIES_COLOURS[2],
+}
 LABELS = {"pf": "funnel, path following", "tt": "funnel, trajectory tracking"}
 MARKERS = {"pf": "o", "tt": "s", "pure pursuit": "^", "Stanley": "v", "MPC": "D"}
 

@@ -32,7 +32,7 @@ from matplotlib.figure import Figure
 import cfjax
 from cfjax.export import write_controller
 from cfjax.export.compiled import OK, OUTSIDE, PAST_END, Controller, compile_controller
-from cfjax.report.style import CAR_COLOUR, EDGE_COLOUR, SERIES_COLOURS, STYLE
+from cfjax.report.style import CAR_COLOUR, EDGE_COLOUR, REFERENCE_COLOUR, SERIES_COLOURS, STYLE
 from cfjax.rounded import margin_text
 
 
@@ -122,7 +122,7 @@ figure = Figure(figsize=(8.4, 3.4), layout="constrained")
 plane, right = figure.subplots(1, 2, width_ratios=[1.2, 1])
 for segment in result.problem.path.curve:
     course = segment.poses(np.linspace(0, segment.duration, 100))
-    plane.plot(course[:, 1], course[:, 2], color="#111111", lw=0.8, ls="--")
+    plane.plot(course[:, 1], course[:, 2], color=REFERENCE_COLOUR, lw=0.8, ls="--")
 plane.plot(way[:, 1], way[:, 2], color=CAR_COLOUR, lw=1.1)
 plane.plot(*way[0, 1:3], "o", color=CAR_COLOUR)
 plane.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")

@@ -30,7 +30,7 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.problem import Pose, Profile, Segment
-from cfjax.report.style import STYLE
+from cfjax.report.style import EDGE_COLOUR, REFERENCE_COLOUR, STYLE
 from cfjax.rounded import margin_text
 
 
@@ -137,8 +137,8 @@ figure = Figure(figsize=(5, 3.2), layout="constrained")
 axes = figure.subplots()
 for segment in track.curve:
     places = segment.poses(np.linspace(0, segment.duration, 50))
-    axes.plot(places[:, 1], places[:, 2], color="#4c86b8")
-axes.plot(*points.T, "o", color="#111111", ms=3)
+    axes.plot(places[:, 1], places[:, 2], color=EDGE_COLOUR)
+axes.plot(*points.T, "o", color=REFERENCE_COLOUR, ms=3)
 axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
 display(figure)
 

@@ -33,7 +33,7 @@ from scipy.integrate import solve_ivp
 import cfjax
 from cfjax.check import check_document
 from cfjax.problem import Interval, Twist, Vehicle
-from cfjax.report.style import STYLE
+from cfjax.report.style import CAR_COLOUR, REFERENCE_COLOUR, STYLE
 from cfjax.rounded import margin_text
 
 
@@ -121,9 +121,9 @@ assert np.abs(way[:, :3] - reference).max() < 1e-6
 
 figure = Figure(figsize=(3.4, 3.2), layout="constrained")
 axes = figure.subplots()
-axes.plot(*reference[:, 1:].T, color="#4c86b8", label="reference")
-axes.plot(*way[::4, 1:3].T, "o", color="#111111", ms=3, label="robot")
-axes.quiver(*way[::4, 1:3].T, -np.sin(way[::4, 0]), np.cos(way[::4, 0]), width=0.005, color="#111111")
+axes.plot(*reference[:, 1:].T, color=REFERENCE_COLOUR, label="reference")
+axes.plot(*way[::4, 1:3].T, "o", color=CAR_COLOUR, ms=3, label="robot")
+axes.quiver(*way[::4, 1:3].T, -np.sin(way[::4, 0]), np.cos(way[::4, 0]), width=0.005, color=CAR_COLOUR)
 axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal")
 axes.legend(loc="center")
 display(figure)

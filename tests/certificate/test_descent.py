@@ -358,6 +358,7 @@ def test_bounds_are_those_of_the_car_that_drives(car: tuple[float, float, float]
     assert all(seen <= float(bound) for seen, bound in zip(slopes, rates.slopes, strict=True))
 
 
+@pytest.mark.slow
 def test_cars_stay_in_both_tubes_at_the_proven_period(two: Chain) -> None:
     """Under the law that asks for the path's bounds, from V = 1, over the link and to the end."""
     absorbed, following = two.report.robustness, two.following

@@ -82,6 +82,7 @@ def slow_margin(problem: Problem, funnel: Funnel, stretch: Stretch, count: int) 
     return float(worst.min())
 
 
+@pytest.mark.slow
 def test_particles_find_what_sampling_finds_and_more(bend: tuple[Problem, Segment, Funnel]) -> None:
     problem, segment, funnel = bend
     ends = [(0.0, 0.1), (0.3, 0.9), (0.8, 1.2), (0.0, 2.0)]
@@ -142,6 +143,7 @@ def test_a_reference_that_stops_is_not_proven_but_no_bad_input(speed: tuple[floa
     assert "theta" in outcome.message
 
 
+@pytest.mark.slow
 def test_one_input_for_all_references_costs_more_the_longer_a_stretch_is(bend: tuple[Problem, Segment, Funnel]) -> None:
     """Of a smooth stretch; of a place it is the input that is best there."""
     each, one = (_Planner(*bend, is_smooth=is_smooth) for is_smooth in (False, True))

@@ -352,6 +352,7 @@ def inside_the_lap(problem: Problem, funnel: Funnel, count: int, time: float, ed
     return jnp.asarray(z)
 
 
+@pytest.mark.slow
 def test_no_input_that_a_law_may_take_can_be_held_so_long_that_v_leaves(absorbed: Any) -> None:
     """At V ≥ β̲ any input with V̇ ≤ −λ', below it any at all: nothing leaves by h*, and something soon after."""
     problem, funnel, margin, proven, *_ = absorbed
@@ -433,7 +434,16 @@ def only(amounts: Absorbed, what: str, state: int = 0) -> Absorbed:
     return replace(nothing, **{what: amount})
 
 
-@pytest.mark.parametrize("what", ["period", "disturbance", "pose_error", "delay", "together"])
+@pytest.mark.parametrize(
+    "what",
+    [
+        "period",
+        pytest.param("disturbance", marks=pytest.mark.slow),  # four states each
+        pytest.param("pose_error", marks=pytest.mark.slow),
+        "delay",
+        "together",
+    ],
+)
 def test_the_law_keeps_v_under_what_is_absorbed(absorbed: Any, what: str) -> None:
     proven = absorbed[3]
     several = what in ("disturbance", "pose_error")

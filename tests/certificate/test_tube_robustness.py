@@ -134,6 +134,7 @@ def test_bounds_hold_beside_any_path_and_are_close(case: Callable[[str], Case], 
     assert np.abs(stale).max() <= float(rates[-1].staleness)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "widest"), [("steady pf", 1.3), ("changing tt", 2.0)])
 def test_nothing_leaves_within_the_period_and_something_soon_after(
     case: Callable[[str], Case], name: str, widest: float

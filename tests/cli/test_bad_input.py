@@ -182,6 +182,7 @@ CASES = [
     (["+path=circle", "seed=4294967296"], "seed: expected a whole number of at most 4294967295, got 4294967296"),
     (["+path=circle", "restarts=0"], "restarts: expected a whole number of at least 1, got 0"),
     (["+path=circle", "cars=-1"], "cars: expected a whole number of at least 0, got -1"),
+    (["+path=circle", "frame=rose"], "frame: expected one of paper, ros, got rose; did you mean ros?"),
     (["+path=circle", "logger=paper"], "logger: expected one of none, wandb, got paper"),
     (["+path=circle", "wandb.mode=on"], "wandb.mode: expected one of offline, online, disabled, got on"),
     (["+path=circle", "--method", "tt"], "expected key=value or a flag of --help, got --method"),

@@ -32,7 +32,9 @@ def check(folder: Path) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(line, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("path", ["circle", "straight"])  # the others' funnels: tests/rows
+@pytest.mark.parametrize(
+    "path", ["circle", pytest.param("straight", marks=pytest.mark.slow)]
+)  # the others' funnels: tests/rows
 def test_every_steady_preset_ends_certified(command: Command, tmp_path: Path, path: str) -> None:
     run = command(f"+path={path}", "template=paper", "cars=200")
     assert run.returncode == 0, run.stderr
@@ -67,6 +69,7 @@ def test_every_steady_preset_ends_certified(command: Command, tmp_path: Path, pa
     assert np.isclose(float(rows[0]["v"]), result["margin"]["certified"] / result["margin_per_metre"])
 
 
+@pytest.mark.slow
 def test_nothing_found_is_inconclusive_and_leaves_no_certificate(command: Command, tmp_path: Path) -> None:
     run = command("+path=straight", "method=tt", "template=paper", "sets.goal=0.3", "rounds=1")
     assert run.returncode == 1, run.stderr

@@ -16,12 +16,13 @@ import pytest
 import cfjax.report.plot
 import cfjax.synthesis
 import cfjax.train
-from cfjax.conf import preset, problem_of, yaml_of
+from cfjax.conf import Config, preset, problem_of, yaml_of
 from cfjax.funnel import Objective
 from cfjax.problem import Problem, ball
 from cfjax.report.run_folder import read_run, write_run
 from cfjax.result import Result
 from cfjax.verdict import Verdict
+from scripts.keys import GROUPED, keys_of
 from tests.shapes import eight, slalom
 
 
@@ -154,6 +155,41 @@ def test_help_and_configuration_are_shown(train: Callable[..., int], capfd: pyte
     for arguments in (["--cfg", "job"], ["path.speed=1.25", "--cfg", "job"], ["--cfg", "job", "seed=3", "cars=2"]):
         assert train(*arguments) == 0
         assert "name: oval" in capfd.readouterr().out
+
+
+def test_help_is_one_screen_with_all_that_can_be_asked(
+    train: Callable[..., int], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert train("--help") == 0
+    text = capfd.readouterr().out
+    assert len(text.splitlines()) <= 40 and max(map(len, text.splitlines())) <= 150
+    for words in (
+        "Exit codes",
+        "130 interrupted",
+        "joblib",
+        "objective: inlet, margin, width",
+        "cars=10000",
+        "frame=paper",
+    ):
+        assert words in text
+    assert text.count("  cfjax train ") == 5 and "_kind" not in text
+    known = {key.strip("`") for key, *_ in keys_of(Config)}
+    known |= {key.strip("`") for heading, owner in GROUPED.items() for key, *_ in keys_of(owner, f"{heading}.")}
+    assert not {key for key in known if f"{key}=" not in text}
+
+    assert train("+path=tube", "path.curvature=0.5", "--help", "-m", "seed=1,2") == 0
+    text = capfd.readouterr().out
+    assert "path.curvature=0.5  path.acceleration=0.0" in text and "seed=0" in text
+    (tmp_path / "mine" / "path").mkdir(parents=True)
+    (tmp_path / "mine" / "path" / "bend.yaml").write_text(
+        "defaults: [/path_kind@_here_: circle]\nname: bend\nradius: 7\n"
+    )
+    assert train("--config-dir", "mine", "+path=bend", "--help") == 0
+    assert "path: bend, circle" in (text := capfd.readouterr().out) and "path.radius=7" in text
+    assert train("--help", "path.sped=3") == 2
+    assert capfd.readouterr().err.splitlines() == [
+        "error: path.sped: no such key; expected one of name, kind, speed; did you mean speed?"
+    ]
 
 
 def _sweep(tmp_path: Path) -> list[dict[str, str]]:

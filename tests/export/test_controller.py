@@ -122,8 +122,8 @@ CASES: dict[str, Callable[[], Result]] = {
 }
 
 
-def built(result: Result, folder: Path) -> Controller:
-    write_controller(result, folder)
+def built(result: Result, folder: Path, frame: str = "paper") -> Controller:
+    write_controller(result, folder, frame)
     vehicle = result.problem.vehicle
     inputs = len(vehicle.input_names) + 1
     return Controller(compile_controller(folder), result.problem.dimension, inputs, len(vehicle.command_names))
@@ -448,6 +448,12 @@ def test_the_command_writes_beside_the_run(tmp_path: Path, capsys: pytest.Captur
     assert main([str(tmp_path), "--output", str(tmp_path / "a=b,c")]) == 0
     assert (tmp_path / "a=b,c" / "cfjax_controller.c").read_text() == Path(written[1]).read_text()
     capsys.readouterr()
+    assert main([str(tmp_path), "--ros2", "--frame", "paper"]) == 2
+    assert capsys.readouterr().err.startswith("error: --frame: expected none beside --ros2")
+    (tmp_path / "config.yaml").write_text(yaml_of(dataclasses.replace(config, frame="ros")))  # as the run was asked for
+    assert main([str(tmp_path)]) == 0 and "#define CF_ROS 1" in Path(written[0]).read_text()
+    assert main([str(tmp_path), "--frame", "paper"]) == 0 and "#define CF_ROS 0" in Path(written[0]).read_text()
+    capsys.readouterr()
     assert main([str(tmp_path), "--output", str(tmp_path / "result.json")]) == 2
     assert capsys.readouterr().err.startswith("error: --output: cannot write to ")
     assert main([str(tmp_path / "nowhere")]) == 2
@@ -571,3 +577,23 @@ def test_poses_of_ros_go_in_and_out(controller_of: ControllerOf) -> None:
     state[3] = math.pi / 2  # m/s, the reference's
     assert controller.start(state) == OK
     assert controller.memory.value == pytest.approx(0.0, abs=1e-12)
+
+
+def test_states_in_the_frame_of_ros(tmp_path: Path, controller_of: ControllerOf) -> None:
+    """Yaw in place of the heading: the same place, V and commands; and poses of ROS go in and out as they are."""
+    result, controller = controller_of("circle")
+    (tmp_path / "ros").mkdir()
+    ros = built(result, tmp_path / "ros", "ros")
+    text = (tmp_path / "ros" / "cfjax_controller.h").read_text()
+    assert "yaw (rad, 0 looks along +x, counter-clockwise)" in text and "+y, counter" not in text
+    turned = np.array([math.pi / 2, 0.0, 0.0, 0.0])
+    for state in GOOD + np.random.default_rng(0).uniform(-0.2, 0.2, (10, 4)):
+        assert ros.start(state + turned) == controller.start(state)
+        for dt in (0.005, 0.02):
+            status, command = controller.step(state, dt)
+            own_status, own = ros.step(state + turned, dt)
+            assert own_status == status
+            np.testing.assert_allclose(own, command, rtol=0, atol=1e-9)
+        assert ros.memory.value == pytest.approx(controller.memory.value, abs=1e-12)
+    pose = (0.3, -1.2, 2.5)
+    assert ros.from_ros(*pose)[:3].tolist() == [2.5, 0.3, -1.2] and tuple(ros.to_ros(ros.from_ros(*pose))) == pose

@@ -8,6 +8,7 @@ import pytest
 
 from cfjax.errors import InputError
 from cfjax.problem import (
+    Frame,
     KinematicBicycle,
     Pose,
     ReferencePoint,
@@ -58,6 +59,15 @@ def test_an_offset_is_what_ros_makes_of_two_poses() -> None:
         ahead, left, turn = map(float, deviation_to_ros(deviation[:3]))
         assert complex(ahead, left) == pytest.approx(turned)
         assert math.cos(turn - (yaw - yaw_r)) == pytest.approx(1.0)
+
+
+def test_a_heading_in_a_file_is_the_pose_s_of_its_frame() -> None:
+    for pose in TRIPLES:
+        assert pose[0] + Frame.ROS.shift == pose_to_ros(tuple(pose)).yaw
+        assert pose[0] + Frame.PAPER.shift == pose[0]
+    assert Frame("ros").heading == "yaw" in RosPose._fields and Frame("paper").heading == "alpha" in Pose._fields
+    with pytest.raises(InputError, match="frame: expected one of paper, ros, got ROS2"):
+        Frame("ROS2")
 
 
 def test_points_of_a_map_are_taken_as_they_are() -> None:

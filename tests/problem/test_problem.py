@@ -19,8 +19,11 @@ from cfjax.problem import (
     Twist,
     ball,
     circle,
+    oval,
     slalom,
     straight,
+    tube,
+    waypoints,
 )
 from cfjax.problem.deviation import BATCH
 from cfjax.problem.problem import PLACES
@@ -95,6 +98,16 @@ def test_what_a_long_path_needs_is_what_its_places_need_one_by_one() -> None:
     low, high = np.array([(limits.lower, limits.upper) for limits in problem.inputs]).T
     np.testing.assert_allclose(high[1], 0.5 + 0.5 * np.abs(needed[:, 1]).max(), rtol=1e-3)
     np.testing.assert_allclose(low[1], -high[1], rtol=1e-9)
+
+
+def test_a_path_is_printed_as_one_line() -> None:
+    assert str(circle()) == "circle: 1 segment, 9.42 m, closed, 1.57 m/s"
+    assert str(oval()) == "oval: 2 segments, 9.69 m, closed, 1 m/s"
+    assert str(tube(1.8, (1, 4), 0.5)) == (
+        "tube: every path within curvature -1.8 to 1.8 1/m, speed 1 to 4 m/s, dv/dt -0.5 to 0.5 m/s²"
+    )
+    path = waypoints([[0, 0], [1, 0], [2, 0], [3, 0.1]], speed=1)
+    assert str(path) == path.source and "4 points, 3" in str(path)
 
 
 def test_segments_with_one_profile_are_one_kind() -> None:

@@ -127,12 +127,12 @@ def test_colours_are_told_apart_without_one_kind_of_cone() -> None:
     kinds = (marks.FUNNEL, marks.REFERENCE, marks.CARS, marks.START, marks.END, marks.FAILED)
     for seen in SEEN.values():
         for one, other in combinations(kinds, 2):
-            distance = np.linalg.norm(_oklab(seen, one.colour) - _oklab(seen, other.colour))
+            distance = np.linalg.norm(oklab(seen, one.colour) - oklab(seen, other.colour))
             assert distance > LEAST_DISTANCE, (one.label, other.label, seen)
-    assert np.linalg.norm(_oklab(SEEN["no green ones"], "#2b8a3e") - _oklab(SEEN["no green ones"], "#c92a2a")) < 0.05
+    assert np.linalg.norm(oklab(SEEN["no green ones"], "#2b8a3e") - oklab(SEEN["no green ones"], "#c92a2a")) < 0.05
 
 
-def _oklab(seen: np.ndarray, colour: str) -> Color:
+def oklab(seen: np.ndarray, colour: str) -> Color:
     """Lightness and two hues, in which distances are those that people see."""
     share = np.array(to_rgb(colour))
     linear = np.clip(seen @ np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4), 0, 1)

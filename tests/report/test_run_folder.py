@@ -18,9 +18,9 @@ from cfjax.check.amounts import Robustness, Told
 from cfjax.check.bounds import Bounds
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
-from cfjax.problem import Interval, Tube
+from cfjax.problem import Frame, Interval, Tube
 from cfjax.report.result_json import result_json, result_of
-from cfjax.report.run_folder import Check, confirmed, read_run, write_run
+from cfjax.report.run_folder import Check, confirmed, read_frame, read_run, write_run
 from cfjax.result import Absorbed, Result, Sampled, SegmentResult, StretchMargin
 from cfjax.result import Robustness as Robust
 from cfjax.verdict import Verdict
@@ -201,6 +201,18 @@ def test_reference_samples_the_path_at_full_precision(hand_made: Make, tmp_path:
     np.testing.assert_allclose(np.stack([x, y]), 1.5 * np.stack([np.cos(alpha), np.sin(alpha)]), atol=1e-12)
     np.testing.assert_allclose(v, math.pi / 2, rtol=0)
     np.testing.assert_allclose(omega, math.pi / 3, rtol=1e-15)
+
+
+def test_reference_in_the_frame_of_ros_leads_along_its_yaw(hand_made: Make, tmp_path: Path) -> None:
+    config = replace(preset("oval"), frame="ros")
+    write_run(hand_made(problem_of(config)), tmp_path, yaml_of(config), frame=Frame(config.frame))
+    with (tmp_path / "reference.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["segment", "theta", "yaw", "x", "y", "v", "omega"]
+    assert read_frame(tmp_path) is Frame.ROS
+    place = np.array([complex(float(row["x"]), float(row["y"])) for row in rows[:201]])
+    yaw = np.array([float(row["yaw"]) for row in rows[:201]])
+    np.testing.assert_allclose(np.angle(np.diff(place) * np.exp(-0.5j * (yaw[1:] + yaw[:-1]))), 0, atol=1e-3)
 
 
 CLAIMS = {"verdict": Verdict.CERTIFIED, "document": {"format": "made by hand"}, "margin": 0.4}

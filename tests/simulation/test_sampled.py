@@ -1,6 +1,7 @@
 """The sampled loop: against the continuous one, under disturbance, delay and plants that break."""
 
 import itertools
+import math
 from dataclasses import replace
 from functools import lru_cache
 
@@ -358,8 +359,11 @@ def test_starts_from_a_file(tmp_path) -> None:
     file = tmp_path / "starts.csv"
     file.write_text("name, v,alpha,x,y\na,1.5,0.1,1.4,0\nb,1,0,1.5,0.2\n")
     np.testing.assert_array_equal(read_starts(problem, file), [[0.1, 1.4, 0, 1.5], [0, 1.5, 0.2, 1]])
+    file.write_text(f"yaw,x,y,v\n{math.pi / 2},1.5,0,1\n0,1.4,0,1\n")  # as ROS counts it
+    np.testing.assert_allclose(read_starts(problem, file), [[0, 1.5, 0, 1], [-math.pi / 2, 1.4, 0, 1]], atol=1e-15)
     for content, message in (
         ("alpha,x,y\n0,0,0\n", "v is missing"),
+        ("heading,x,y,v\n0,0,0,1\n", "expected the columns alpha, x, y, v"),
         ("alpha,x,y,v\n0,0,0,fast\n", "row 2"),
         ("alpha,x,y,v\n0,0,0,inf\n", "row 2"),
         ("alpha,x,y,v\n", "at least one state"),
