@@ -3,9 +3,11 @@
 Lengths in m, inertial frame. What is proven later knows discs and convex polygons alone, so other polygons are split.
 """
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
@@ -19,6 +21,7 @@ from cfjax.problem import Disc, Obstacle, Polygon
 from cfjax.problem.obstacles import obstacles_of
 
 
+WALLS = 4  # around bounds
 WALL = 1.0  # m: how thick walls are drawn; a proof that none is touched needs no thickness
 ROUNDNESS = 32  # chords of a quarter of a disc, where it is treated as a polygon
 
@@ -31,8 +34,8 @@ class Map:
     a part of: the number of its entry, or the wall.
 
     Args:
-        obstacles: each a `Disc`, a `Polygon`, a polygon of shapely, {disc: [x, y, radius]} or {polygon: [[x, y], …]};
-            a polygon need not be convex.
+        obstacles: each a `Disc`, a `Polygon`, a polygon of shapely, {disc: [x, y, radius]}, {polygon: [[x, y], …]},
+            which need not be convex, or a list of these, which are one obstacle.
         bounds: lower corner, upper corner.
         source: what it was read from, for messages.
 
@@ -82,6 +85,15 @@ class Map:
         index = self._tree.nearest(points)
         return shapely.distance(points, self.shapes[index]), np.asarray(index)
 
+    @property
+    def entries(self) -> dict[str, Any]:
+        """What a file of ours says of it (`read_map`): `Map(**entries)` is the same map."""
+        sides = 0 if self.bounds is None else WALLS
+        plain = zip(self.labels[: len(self.labels) - sides], map(_entry, self.obstacles), strict=False)
+        grouped = [[part for _, part in group] for _, group in itertools.groupby(plain, key=lambda pair: pair[0])]
+        bounds = None if self.bounds is None else list(self.bounds)
+        return {"obstacles": [parts[0] if len(parts) == 1 else parts for parts in grouped], "bounds": bounds}
+
     def __repr__(self) -> str:
         inside = (
             ""
@@ -91,6 +103,12 @@ class Map:
         return f"<{self.source}: {len(self.obstacles)} convex obstacles{inside}>"
 
 
+def _entry(obstacle: Obstacle) -> dict[str, list]:
+    if isinstance(obstacle, Disc):
+        return {"disc": [obstacle.x, obstacle.y, obstacle.radius]}
+    return {"polygon": [list(corner) for corner in obstacle.corners]}
+
+
 def _convex(name: str, entry: object) -> Iterator[Obstacle]:
     """The convex parts of an entry."""
     if isinstance(entry, Disc | Polygon):
@@ -98,6 +116,10 @@ def _convex(name: str, entry: object) -> Iterator[Obstacle]:
         return
     if isinstance(entry, Mapping) and list(entry) == ["polygon"]:
         entry = _ring(name, entry["polygon"])
+    if isinstance(entry, list | tuple):
+        for part in entry:
+            yield from _convex(name, part)
+        return
     if not isinstance(entry, BaseGeometry):
         try:
             yield from obstacles_of([entry])

@@ -7,11 +7,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as File
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cfjax.coerce import Number, Numbers, instances, number, numbers, optional, text, whole
 from cfjax.errors import InputError
+from cfjax.lazy import public
 from cfjax.planner.bends import Bends
 from cfjax.planner.field import Field, field_of
 from cfjax.planner.map import Map
@@ -21,11 +23,15 @@ from cfjax.planner.search import Node, NoWay, Search
 from cfjax.planner.smooth import smoothed
 from cfjax.planner.widest import widest_gap
 from cfjax.problem import FootprintDisc, KinematicBicycle, Path, Pose, Vehicle
-from cfjax.problem.frames import QUARTER
+from cfjax.problem.frames import QUARTER, RosPose, pose_from_ros
 from cfjax.problem.obstacles import footprint_of
 from cfjax.problem.path import speed_of
 from cfjax.tubes import CertifiedTube, Following, follow, library, write_chain
 
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # lengths in radii of the tightest bend
 GRID = 0.2  # between the nodes of the distance field
@@ -72,6 +78,10 @@ class Plan:
         """
         write_chain(self.following, path)
 
+    def plot(self, axes: "Axes | None" = None, width: str | float | None = None) -> "Figure":
+        """A Matplotlib figure of map, path, tubes and body: `cfjax.plot`."""
+        return public("plot")(self, None, axes, width)
+
     def describe(self) -> str:
         """At most ten lines for people."""
         length = float(self.following.reference.length)
@@ -114,7 +124,7 @@ def plan(
 
     Args:
         map: obstacles and bounds, m; or the name of a file (`read_map`), or a list of obstacles.
-        start: `Pose` or (heading, x, y): rad, 0 along +y, and m, in the frame of the map.
+        start: a `Pose`, a `RosPose`, or [x, y, heading] (m and rad, 0 along +y), in the frame of the map.
         goal: the pose at the end.
         vehicle: what drives; None: the Parkour car.
         footprint: discs [radius, offset along the forward axis] that stand for its body, m.
@@ -169,7 +179,12 @@ def plan(
 
 
 def _pose(name: str, value: object) -> Pose:
-    return Pose(*numbers(name, value, "a pose (heading in rad, x and y in m)", count=3))
+    if isinstance(value, RosPose):
+        return pose_from_ros(value)
+    if isinstance(value, Pose):
+        return Pose(*numbers(name, value, "a pose (heading in rad, x and y in m)", count=3))
+    x, y, heading = numbers(name, value, "a pose [x, y, heading] (m and rad)", count=3)
+    return Pose(heading, x, y)
 
 
 def _node(pose: Pose) -> Node:

@@ -95,7 +95,7 @@ def test_geojson_in_metres(tmp_path: Path) -> None:
         name.write_text(json.dumps(content))
         shapes.append(union(read_map(name)))
     assert all(shape.equals(shapely.box(2.0, -1.0, 3.0, 1.5)) for shape in shapes)
-    assert plan(name, START, (0, 6.0, 0.0)).map.source == "yard.geojson"
+    assert plan(name, START, (6.0, 0.0, 0)).map.source == "yard.geojson"
 
 
 @pytest.mark.parametrize(
@@ -134,5 +134,5 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_a_drive_through_a_grid(ros: Path) -> None:
-    found = plan(ros, (-math.pi / 2, -0.4, -1.4), (-math.pi / 2, 4.4, 1.4), footprint=[[0.15, 0.1]], speed=1.0)
+    found = plan(ros, (-0.4, -1.4, -math.pi / 2), (4.4, 1.4, -math.pi / 2), footprint=[[0.15, 0.1]], speed=1.0)
     assert found.spare > 0 and "hall.yaml" in str(found)

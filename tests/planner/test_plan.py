@@ -11,7 +11,7 @@ from cfjax import InputError
 from cfjax.check import Outcome, check_document
 from cfjax.check.reader import read_json
 from cfjax.planner import Map, Plan, plan, planning
-from cfjax.problem import Pose
+from cfjax.problem import Pose, RosPose
 from tests.planner.scenes import BODY, BOUNDS, ENTRIES, GOAL, START, least_distance, scene, shape_of, walls
 
 
@@ -83,13 +83,13 @@ GAP = (
 @pytest.mark.parametrize(
     ("entries", "start", "goal", "message"),
     [
-        (ENTRIES, (0, 2.5, 0.0), GOAL, r"start: .* nothing, got \(2.5, 0\) m with .* m too little beside obstacle 0"),
-        (ENTRIES, START, (0, 7.9, 0.0), r"goal: .* got \(7.9, 0\) m with 0.2.* m too little beside the right wall"),
-        (ENTRIES, START, (0, 9.0, 0.0), r"goal: expected a place in map, \[-1, 8\] x \[-2, 4\] m, .* 1 m outside"),
+        (ENTRIES, (2.5, 0.0, 0), GOAL, r"start: .* nothing, got \(2.5, 0\) m with .* m too little beside obstacle 0"),
+        (ENTRIES, START, (7.9, 0.0, 0), r"goal: .* got \(7.9, 0\) m with 0.2.* m too little beside the right wall"),
+        (ENTRIES, START, (9.0, 0.0, 0), r"goal: expected a place in map, \[-1, 8\] x \[-2, 4\] m, .* 1 m outside"),
         (CLOSED, START, GOAL, r"map: no way from \(0, 0\) m to .* a gap of 0.6.* m, .* beside obstacle 0, is closed"),
         (GAP, START, GOAL, r"no way .* narrowest one .*, at \(2.9.*, 1.*\) m beside obstacle 1, has 0.3.* m"),
         (ENTRIES, (0, 1), GOAL, "start: expected a pose"),
-        (ENTRIES, START, (0, float("nan"), 1), "goal: expected a pose"),
+        (ENTRIES, START, RosPose(0, float("nan"), 1), "pose: expected"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_one_line(entries: tuple, start: tuple, goal: tuple, message: str) -> None:
@@ -114,7 +114,7 @@ def test_another_car_and_a_map_without_bounds() -> None:
     car = cfjax.KinematicBicycle(2.6, 1.0, 4.0)
     posts = [{"disc": (20.0, 0.5, 2.0)}, {"disc": (60.0, -1.0, 3.0)}]
     found = plan(
-        posts, (-math.pi / 2, 0, 0), (-math.pi / 2, 90, 0), vehicle=car, footprint=[[1.2, 0.0], [1.2, 2.6]], speed=15
+        posts, RosPose(0, 0, 0), [90, 0, -math.pi / 2], vehicle=car, footprint=[[1.2, 0.0], [1.2, 2.6]], speed=15
     )
     assert least_distance(found, list(map(shape_of, posts)), ((1.2, 0.0), (1.2, 2.6)), 20_000, seed=1) > 0
     assert found.path.curve[0].speed.coefficients[-1][0] > 5 and "beside obstacle 1" in str(found)
