@@ -196,10 +196,12 @@ class PlanConfig(PathConfig):
     """From a start to a goal through a map, clear of its obstacles."""
 
     kind: str = "plan"
-    map: Any = _any_of("the name of a file, or {obstacles: [...], bounds: [x, y, x, y]}", MISSING)  # a file, or it all
+    map: Any = _any_of(
+        "a file's name, or a map {obstacles: [...], bounds: [x, y, x, y]}", MISSING
+    )  # what is in the way
     unknown_is_free: bool = False  # whether cells of an occupancy grid of which nothing is known may be driven on
-    start: Any = _any_of("[x, y, heading]", MISSING)  # m and rad, 0 along +y
-    goal: Any = _any_of("[x, y, heading]", MISSING)  # m and rad, as `start`
+    start: Any = _any_of("a pose [x, y, heading]", MISSING)  # m and rad, 0 along +y
+    goal: Any = _any_of("a pose [x, y, heading]", MISSING)  # m and rad, as `start`
     speed: float = 2.0  # m/s, at most
     lateral_acceleration: float = 4.0  # m/s², at most, in bends
 
@@ -220,8 +222,10 @@ class PlanConfig(PathConfig):
         map = self.read(pathlib.Path()).map
         if not isinstance(map, Mapping) or map.keys() - {"obstacles", "bounds"}:
             raise InputError(f"path.map: expected the name of a file, or obstacles and bounds, got {map}")
+        from cfjax.planner.posed import planned  # here: a list of keys does not wait for it
+
         own = cfjax.Map(**map, source="path.map")
-        return cfjax.planner.planned(problem, own, self.start, self.goal, self.speed, self.lateral_acceleration)
+        return planned(problem, own, self.start, self.goal, self.speed, self.lateral_acceleration)
 
 
 PATH_KINDS: dict[str, type[PathConfig]] = {

@@ -3,7 +3,6 @@
 from cfjax.planner.map import Map
 from cfjax.planner.map_file import read_map
 from cfjax.planner.planning import Plan, plan
-from cfjax.planner.posed import planned
 
 
-__all__ = ["Map", "Plan", "plan", "planned", "read_map"]
+__all__ = ["Map", "Plan", "plan", "read_map"]

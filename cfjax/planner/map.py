@@ -50,7 +50,7 @@ class Map:
 
     def __init__(
         self,
-        obstacles: Sequence[Obstacle | Mapping | BaseGeometry] = (),
+        obstacles: Sequence[Obstacle | Mapping | BaseGeometry | Sequence] = (),
         bounds: Numbers | None = None,
         source: str = "map",
     ) -> None:
@@ -116,7 +116,7 @@ def _convex(name: str, entry: object) -> Iterator[Obstacle]:
         return
     if isinstance(entry, Mapping) and list(entry) == ["polygon"]:
         entry = _ring(name, entry["polygon"])
-    if isinstance(entry, list | tuple):
+    if isinstance(entry, list | tuple) and entry:
         for part in entry:
             yield from _convex(name, part)
         return

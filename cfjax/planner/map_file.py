@@ -64,7 +64,7 @@ def _parsed(path: Path) -> Any:
     except UnicodeDecodeError:
         raise InputError(f"{path}: expected text (YAML or GeoJSON), got other bytes; a grid needs its .yaml") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+        raise InputError(f"{path}: expected the file of a map, it cannot be read ({error.strerror})") from None
     try:
         return json.loads(text) if text.lstrip().startswith("{") else yaml.safe_load(text)
     except (ValueError, RecursionError, yaml.YAMLError) as error:

@@ -145,6 +145,8 @@ def plan(
     attempts = whole("attempts", attempts, 1)
     car = KinematicBicycle() if vehicle is None else vehicle
     offered = library(car) if tubes is None else instances("tubes", tubes, CertifiedTube)
+    if not offered:
+        raise InputError("tubes: expected at least one for the vehicle, got none")
     poses = _pose("start", start), _pose("goal", goal)
     limits = limits_of(offered, speed, lateral, discs)
     question = _Question(map, _node(poses[0]), _node(poses[1]), limits)
