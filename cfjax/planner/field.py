@@ -51,21 +51,27 @@ def field_of(
     edges = np.minimum.outer(np.minimum(y - bottom, top - y), np.minimum(x - left, right - x))
     distance = np.minimum(edges, reach)
     for obstacle, growth in zip(obstacles, grown, strict=True):
-        corners = np.array(obstacle.corners)
-        around = obstacle.round + growth
-        (low_x, low_y), (high_x, high_y) = corners.min(0) - reach - around, corners.max(0) + reach + around
-        own = np.s_[
-            np.searchsorted(y, low_y) : np.searchsorted(y, high_y),
-            np.searchsorted(x, low_x) : np.searchsorted(x, high_x),
-        ]
+        low, high = _box(obstacle, reach + growth)
+        columns_near = slice(*np.searchsorted(x, (low.real, high.real)))
+        own = slice(*np.searchsorted(y, (low.imag, high.imag))), columns_near
         places = x[own[1]] + 1j * y[own[0], None]
         if places.size:
             np.minimum(distance[own], signed_distance(obstacle, places) - growth, out=distance[own])
     return Field(complex(left, bottom), step, distance)
 
 
+def _box(obstacle: Obstacle, margin: float) -> tuple[complex, complex]:
+    """Lower and upper corner of a rectangle around an obstacle."""
+    if isinstance(obstacle, Disc):
+        middle, size = complex(obstacle.x, obstacle.y), (obstacle.radius + margin) * (1 + 1j)
+        return middle - size, middle + size
+    corners = np.array(obstacle.corners)
+    low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    return complex(*low), complex(*high)
+
+
 def signed_distance(obstacle: Obstacle, places: Complex[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Distances (m) of places from an obstacle; inside it minus those from its edge."""
+    """Distances (m) of places from a disc or convex polygon; inside it minus those from its edge."""
     if isinstance(obstacle, Disc):
         return np.abs(places - complex(obstacle.x, obstacle.y)) - obstacle.radius
     corners = np.array([complex(*corner) for corner in obstacle.corners])

@@ -111,9 +111,11 @@ def _entry(obstacle: Obstacle) -> dict[str, list]:
 
 def _convex(name: str, entry: object) -> Iterator[Obstacle]:
     """The convex parts of an entry."""
-    if isinstance(entry, Disc | Polygon):
+    if isinstance(entry, Disc):
         yield entry
         return
+    if isinstance(entry, Polygon):
+        entry = shapely.Polygon(entry.corners)
     if isinstance(entry, Mapping) and list(entry) == ["polygon"]:
         entry = _ring(name, entry["polygon"])
     if isinstance(entry, list | tuple) and entry:

@@ -45,6 +45,10 @@ SEARCHED = 0.9  # of the curvature that a path may have is what the search uses
 CHECKED = 4  # places of a piece at which clearance is looked at, before it is proven
 
 
+class Unproven(InputError):
+    """A way was found, for the body in its tube, and none was proven."""
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A path between two poses that is proven to be clear of a map's obstacles, wherever in its tubes the car is.
@@ -177,7 +181,7 @@ def plan(
         spare, place, nearest = question.least(bends)
         beside = map.labels[nearest] if nearest >= 0 else ""
         return Plan(following, map, *poses, discs, spare, (place.real, place.imag), beside, attempt, seconds)
-    raise InputError(f"{map.source}: no path was proven in {attempts} attempts; {refused}")
+    raise Unproven(f"{map.source}: no path was proven in {attempts} attempts; {refused}")
 
 
 def _pose(name: str, value: object) -> Pose:
@@ -230,7 +234,9 @@ class _Question:
         try:
             arcs = Search(field, limits.body, self.goal, 1 / radius, SOFT * radius).way(self.start)
         except NoWay as error:
-            raise InputError(f"{self.map.source}: {refused or self._why(field, error)}") from None
+            if refused:
+                raise Unproven(f"{self.map.source}: no path was proven, and there is no other; {refused}") from None
+            raise InputError(f"{self.map.source}: {self._why(field, error)}") from None
         seconds["search"] += time.perf_counter() - began
         began = time.perf_counter()
         found = smoothed(arcs, self.start, self.goal, field, limits.body, radius, SPARE * radius)
