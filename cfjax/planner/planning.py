@@ -186,7 +186,7 @@ def plan(
 
 def _pose(name: str, value: object) -> Pose:
     if isinstance(value, RosPose):
-        return pose_from_ros(value)
+        value = pose_from_ros(value)
     if isinstance(value, Pose):
         return Pose(*numbers(name, value, "a pose (heading in rad, x and y in m)", count=3))
     x, y, heading = numbers(name, value, "a pose [x, y, heading] (m and rad)", count=3)

@@ -30,6 +30,7 @@ AT_ONCE = 16  # nodes that are expanded together
 MOST_NODES = 40_000
 COARSE = 2  # steps of the field in one of the grid for Dijkstra's distances
 SHOT, SELDOM = 12.0, 10  # so many radii from the goal every batch shoots at it, else one in so many
+AWAY = 6.0  # radii from start or goal at which they are left
 NEAR = 2.0  # a metre beside an obstacle counts as so many; less with distance
 BEND = 0.1  # a metre in the tightest bend counts as so much more
 EAGER = 1.6  # what remains counts so much more: nearly as short, found much sooner
@@ -130,6 +131,11 @@ class Search:
         Raises:
             NoWay: where there is none, or none among so many nodes.
         """
+        if abs(start[0] - self.goal[0]) > AWAY / self.curvature:
+            if self.is_boxed_in(start):
+                raise NoWay("none leaves the start with bends of a radius of at least")
+            if self.is_boxed_in(self.goal, backwards=True):
+                raise NoWay("none comes to the goal with bends of a radius of at least")
         tree, at_goal, cheapest = _Tree(start), set[int](), dict[int, float]()
         queue = [(float(self.left(np.array([start[0]]))[0]), 0)]
         for turn in itertools.count():
@@ -156,11 +162,8 @@ class Search:
 
     def _expand(self, tree: "_Tree", batch: list[int], queue: list[tuple[float, int]]) -> None:
         """Add to the tree where the bends lead to from the nodes of a batch."""
-        place = np.array([tree.place[node] for node in batch])[:, None, None]
-        ahead = np.exp(1j * np.array([tree.direction[node] for node in batch]))[:, None, None]
-        samples = place + ahead * self.ways
-        room = self.body.room(self.field, samples, ahead * self.turns)
-        ends = samples[..., -1]
+        place, direction = (np.array([values[node] for node in batch]) for values in (tree.place, tree.direction))
+        ends, room = self._bent(place, direction, self.body)
         left = self.left(ends)
         prices = self.step * (self.weight(room).mean(axis=-1) + BEND * np.abs(BENDS))
         for b, k in np.argwhere((room.min(axis=-1) >= 0) & np.isfinite(left)):
@@ -168,6 +171,34 @@ class Search:
             end = complex(ends[b, k]), tree.direction[node] + bend * self.step
             added = tree.add(node, end, [(bend, self.step)], float(prices[b, k]))
             heapq.heappush(queue, (tree.cost[added] + float(left[b, k]), added))
+
+    def _bent(self, place: np.ndarray, direction: np.ndarray, body: Body) -> tuple[np.ndarray, np.ndarray]:
+        """Where the bends lead to from poses, and the room along them."""
+        ahead = np.exp(1j * direction)[:, None, None]
+        samples = place[:, None, None] + ahead * self.ways
+        return samples[..., -1], body.room(self.field, samples, ahead * self.turns)
+
+    def is_boxed_in(self, pose: Node, backwards: bool = False) -> bool:
+        """Whether no way from a pose gets some radii away from it; backwards: no way to it comes from there.
+
+        Backwards the body is driven the other way round.
+        """
+        turned, sign = (math.pi, -1) if backwards else (0.0, 1)
+        body = self.body._replace(offset=sign * self.body.offset)
+        place, direction, seen = np.array([pose[0]]), np.array([pose[1] + turned]), set[int]()
+        while place.size:
+            ends, room = self._bent(place, direction, body)
+            free = room.min(axis=-1) >= 0
+            if (np.abs(ends[free] - pose[0]) > AWAY / self.curvature).any():
+                return False
+            next_place, next_direction = ends[free], (direction[:, None] + self.bends * self.step)[free]
+            fresh = []
+            for index, key in enumerate(map(self._key, next_place.tolist(), next_direction.tolist())):
+                if key not in seen:
+                    seen.add(key)
+                    fresh.append(index)
+            place, direction = next_place[fresh], next_direction[fresh]
+        return True
 
     def _key(self, place: complex, direction: float) -> int:
         column = int((place.real - self.field.origin.real) / self.cell)

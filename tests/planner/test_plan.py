@@ -89,7 +89,7 @@ GAP = (
         (CLOSED, START, GOAL, r"map: no way from \(0, 0\) m to .* a gap of 0.6.* m, .* beside obstacle 0, is closed"),
         (GAP, START, GOAL, r"no way .* narrowest one .*, at \(2.9.*, 1.*\) m beside obstacle 1, has 0.3.* m"),
         (ENTRIES, (0, 1), GOAL, "start: expected a pose"),
-        (ENTRIES, START, RosPose(0, float("nan"), 1), "pose: expected"),
+        (ENTRIES, START, RosPose(0, float("nan"), 1), "goal: expected a pose"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_in_one_line(entries: tuple, start: tuple, goal: tuple, message: str) -> None:
@@ -100,8 +100,16 @@ def test_what_cannot_be_is_refused_in_one_line(entries: tuple, start: tuple, goa
 
 def test_bends_that_are_too_tight_are_named() -> None:
     """In a corridor no car turns round."""
-    with pytest.raises(InputError, match=r"none is driven forwards with bends of a radius of at least 0.4.* m"):
+    with pytest.raises(InputError, match=r"none comes to the goal with bends of a radius of at least 0.4.* m"):
         plan(Map((), (0.0, 0.0, 8.0, 1.2)), Pose(-math.pi / 2, 1.0, 0.6), Pose(math.pi / 2, 7.0, 0.6))
+
+
+def test_a_pose_that_no_bend_leaves_or_reaches_is_named() -> None:
+    """Across a corridor a car does not get away; nor does one come to stand so."""
+    corridor, along, across = Map((), (0.0, 0.0, 1.4, 12.0)), 0.0, -math.pi / 2
+    for start, goal, words in ((across, along, "leaves the start"), (along, across, "comes to the goal")):
+        with pytest.raises(InputError, match=f"none {words} with bends of a radius of at least"):
+            plan(corridor, [0.7, 1.0, start], [0.7, 11.0, goal])
 
 
 def test_speeds_that_no_tube_holds_are_refused() -> None:

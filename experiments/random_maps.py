@@ -1,7 +1,6 @@
-#!/usr/bin/env python
 """Plan and certify random maps and six scenes by hand: how many are solved, how long it takes, and what cars touch.
 
-    python scripts/random_maps.py [--maps 100] [--obstacles 100] [--cars 10000]
+    python experiments/random_maps.py [--maps 100] [--obstacles 100] [--cars 10000]
 
 A map is a square with discs and polygons, which may overlap, a start and a goal at places that are free for the body in
 its tube. Seeds are 0, 1, …: everybody has the same maps. Cars are drawn at random on the edge of each tube along the
