@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cfjax.errors import InputError
     from cfjax.funnel import Contracting, Funnel, Objective, Paper
     from cfjax.options import Options
+    from cfjax.planner import Map, Plan, plan
     from cfjax.problem import (
         Box,
         Ellipsoid,
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 
 _ROOMS = (
     *("baselines", "certificate", "check", "control", "demonstrator", "export", "falsifier", "funnel", "learner"),
-    *("options", "plants", "problem", "result", "simulation", "tubes"),
+    *("options", "planner", "plants", "problem", "result", "simulation", "tubes"),
 )
 
 __all__ = [
@@ -57,11 +58,13 @@ __all__ = [
     "InputError",
     "Interval",
     "KinematicBicycle",
+    "Map",
     "Method",
     "Objective",
     "Options",
     "Paper",
     "Path",
+    "Plan",
     "Problem",
     "Result",
     "Vehicle",
@@ -76,6 +79,7 @@ __all__ = [
     "follow",
     "obstacle_path",
     "oval",
+    "plan",
     "plot",
     "refute",
     "search",

@@ -12,6 +12,7 @@ COMMANDS = {
     "train": ("cfjax.train", "look for a certified funnel along a path, or sweep over many"),
     "check": ("cfjax.check.__main__", "replay the proof of a run exactly"),
     "follow": ("cfjax.tubes.__main__", "prove a path of points by the tubes of the package"),
+    "plan": ("cfjax.planner.__main__", "find a path through a map, and prove that a car on it is clear"),
     "simulate": (
         "cfjax.simulate.__main__",
         "drive the law of a run at a control period, on a plant, with noise and delay",

@@ -173,7 +173,15 @@ def question_of(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem,
     """Typed configuration, problem and options; raises InputError where one of them cannot be."""
     from omegaconf import open_dict
 
-    from cfjax.conf import command_vehicle, options_of, problem_of, typed, waypoint_file, with_waypoint_file
+    from cfjax.conf import (
+        command_vehicle,
+        options_of,
+        problem_of,
+        typed,
+        waypoint_file,
+        with_own_map,
+        with_waypoint_file,
+    )
     from cfjax.question import check_question
 
     node = node.copy()
@@ -182,6 +190,7 @@ def question_of(node: "DictConfig", started_in: Path) -> "tuple[Config, Problem,
     config = typed(node)
     if file := waypoint_file(config):
         config = with_waypoint_file(config, started_in / file)
+    config = with_own_map(config, started_in)
     problem, options = problem_of(config, command_vehicle(config, started_in)), options_of(config)
     check_question(problem, options)
     return config, problem, options

@@ -316,6 +316,28 @@ TABLE: dict[str, Callable[[], Call]] = {
         closed=False,
         pinned="no such",
     ),
+    "Map": lambda: of(cfjax.Map, cfjax.Map, obstacles=[{"disc": [9, 9, 1]}], bounds=[-5, -5, 12, 12], source="by hand"),
+    "read_map": lambda: slow(cfjax.planner.read_map, path="none.yaml", unknown_is_free=False),
+    "plan": lambda: slow(
+        cfjax.plan,
+        {
+            "map": {"empty"},
+            "vehicle": NONE,
+            "tubes": NONE,
+            "footprint": {"array"},
+            "name": {"text", "a number as text", "no text"},
+        },
+        map=cfjax.Map(bounds=(-1, -1, 4, 4)),
+        start=[0, 0, 0],
+        goal=[3, 3, 0],
+        vehicle=CAR,
+        footprint=[[0.25, 0.0]],
+        tubes=None,
+        speed=2,
+        lateral_acceleration=4,
+        attempts=1,
+        name="own",
+    ),
     "falsify": lambda: slow(
         cfjax.falsifier.falsify,
         {"seed": WHOLE} | PROBLEMS,
@@ -416,7 +438,7 @@ TABLE: dict[str, Callable[[], Call]] = {
 }
 PROBLEMS = {"problem": {"problem"}}
 ROOMS = ("", "problem", "funnel", "control", "tubes", "certificate", "demonstrator", "export", "falsifier", "learner")
-ROOMS = (*ROOMS, "plants", "simulation", "baselines")
+ROOMS = (*ROOMS, "plants", "planner", "simulation", "baselines")
 UNCHECKED = {
     # plain tuples, looked at by whoever takes them (`test_plain_tuples_are_looked_at_where_they_are_taken`)
     *(
@@ -450,7 +472,7 @@ UNCHECKED = {
     # the checker's own, which imports nothing of the package and answers with its own verdicts
     *("CertifiedTube", "scaled"),
     # records that searches make, and what makes them
-    *("Certification", "WorstPoint", "Found", "Learned", "Learner", "LearningTask"),
+    *("Plan", "Certification", "WorstPoint", "Found", "Learned", "Learner", "LearningTask"),
     # scalars inside compiled programs
     "nearest_in_box",
     # plants and controllers: modules of numbers (`test_plants_take_numbers`)

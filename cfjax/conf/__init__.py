@@ -16,6 +16,7 @@ from cfjax.conf.build import (
     problem_of,
     typed,
     waypoint_file,
+    with_own_map,
     with_waypoint_file,
     yaml_of,
 )
@@ -43,6 +44,7 @@ __all__ = [
     "typed",
     "values_of",
     "waypoint_file",
+    "with_own_map",
     "with_waypoint_file",
     "yaml_of",
 ]

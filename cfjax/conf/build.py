@@ -22,6 +22,7 @@ from cfjax.conf.schema import (
     Config,
     CustomConfig,
     PathConfig,
+    PlanConfig,
     VehicleConfig,
     WaypointsConfig,
 )
@@ -139,6 +140,13 @@ def with_waypoint_file(config: Config, file: pathlib.Path) -> Config:
     return dataclasses.replace(config, path=dataclasses.replace(config.path, file=str(file)))
 
 
+def with_own_map(config: Config, folder: pathlib.Path) -> Config:
+    """The same configuration with the map in it that it names, in a file relative to a folder: it is its own copy."""
+    if not isinstance(config.path, PlanConfig):
+        return config
+    return dataclasses.replace(config, path=config.path.read(folder))
+
+
 def problem_of(config: Config, vehicle: "cfjax.Vehicle | None" = None) -> "cfjax.Problem":
     """The question that the configuration asks, of its vehicle unless one is given.
 
@@ -147,7 +155,7 @@ def problem_of(config: Config, vehicle: "cfjax.Vehicle | None" = None) -> "cfjax
     """
     with _as_typed():
         built: cfjax.Vehicle = config.vehicle.build() if vehicle is None else vehicle
-        return cfjax.Problem(
+        problem = cfjax.Problem(
             path=_path_of(config.path, built),
             **vars(config.sets),
             footprint=config.vehicle.footprint,
@@ -156,6 +164,7 @@ def problem_of(config: Config, vehicle: "cfjax.Vehicle | None" = None) -> "cfjax
             timing=config.timing,
             authority=config.authority,
         )
+        return config.path.posed(problem)
 
 
 def options_of(config: Config) -> Options:

@@ -10,6 +10,9 @@ only what has no object of its own.
 import abc
 import copy
 import math
+import os
+import pathlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -45,6 +48,10 @@ class PathConfig(abc.ABC):
     @abc.abstractmethod
     def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
         """The path, under the preset's name; the vehicle matters where the path's speed is made for it."""
+
+    def posed(self, problem: "cfjax.Problem") -> "cfjax.Problem":
+        """The problem along the path that was built; of a path that depends on its sets, along that one."""
+        return problem
 
 
 @dataclass
@@ -184,6 +191,43 @@ class TubeConfig(PathConfig):
         return cfjax.Path(self.name, cfjax.tube(self.curvature, self.speed, self.acceleration).segments)
 
 
+@dataclass
+class PlanConfig(PathConfig):
+    """From a start to a goal through a map, clear of its obstacles."""
+
+    kind: str = "plan"
+    map: Any = _any_of(
+        "a file's name, or a map {obstacles: [...], bounds: [x, y, x, y]}", MISSING
+    )  # what is in the way
+    unknown_is_free: bool = False  # whether cells of an occupancy grid of which nothing is known may be driven on
+    start: Any = _any_of("a pose [x, y, heading]", MISSING)  # m and rad, 0 along +y
+    goal: Any = _any_of("a pose [x, y, heading]", MISSING)  # m and rad, as `start`
+    speed: float = 2.0  # m/s, at most
+    lateral_acceleration: float = 4.0  # m/s², at most, in bends
+
+    def build(self, vehicle: "cfjax.Vehicle") -> "cfjax.Path":
+        """A straight line, until the sets are known between which a path is planned."""
+        return cfjax.Path(self.name, cfjax.straight(speed=self.speed).segments)
+
+    def read(self, folder: pathlib.Path) -> "PlanConfig":
+        """The same with the map itself instead of its file's name, which is relative to a folder."""
+        if not isinstance(self.map, str):
+            return self
+        name = folder / os.path.expanduser(self.map)
+        return replace(self, map=cfjax.planner.read_map(name, unknown_is_free=self.unknown_is_free).entries)
+
+    def posed(self, problem: "cfjax.Problem") -> "cfjax.Problem":
+        if problem.obstacles:
+            raise InputError("sets.obstacles: expected none beside path.map, which has the obstacles")
+        map = self.read(pathlib.Path()).map
+        if not isinstance(map, Mapping) or map.keys() - {"obstacles", "bounds"}:
+            raise InputError(f"path.map: expected the name of a file, or obstacles and bounds, got {map}")
+        from cfjax.planner.posed import planned  # here: a list of keys does not wait for it
+
+        own = cfjax.Map(**map, source="path.map")
+        return planned(problem, own, self.start, self.goal, self.speed, self.lateral_acceleration)
+
+
 PATH_KINDS: dict[str, type[PathConfig]] = {
     "straight": StraightConfig,
     "circle": CircleConfig,
@@ -193,6 +237,7 @@ PATH_KINDS: dict[str, type[PathConfig]] = {
     "slalom": SlalomConfig,
     "obstacle": ObstacleConfig,
     "waypoints": WaypointsConfig,
+    "plan": PlanConfig,
     "tube": TubeConfig,
 }
 

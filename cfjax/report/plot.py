@@ -10,9 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from cfjax import coerce
+from cfjax.planner import Plan
 from cfjax.report.draw import draw, handles
 from cfjax.report.marks import Panel
 from cfjax.report.panels import shown_of
+from cfjax.report.planned import plan_panel
 from cfjax.report.style import PAPER, STYLE, WIDTHS
 from cfjax.result import Result
 from cfjax.rounded import margin_text
@@ -43,14 +45,14 @@ def save_picture(result: Result, path: Path, width: str | float | None = None) -
 
 
 def plot(
-    result: Result, panel: str | None = None, axes: Axes | None = None, width: str | float | None = None
+    result: Result | Plan, panel: str | None = None, axes: Axes | None = None, width: str | float | None = None
 ) -> Figure:
     """The funnels along a path, or a tube, and the cars that were driven through, as a Matplotlib figure.
 
     `result.plot()` is the same. `result.plot().savefig("funnel.pdf")` writes it for a paper.
 
     Args:
-        result: what `cfjax.synthesize` returned.
+        result: what `cfjax.synthesize` returned; or `cfjax.plan`, whose picture is a plane alone.
         panel: one panel alone: "plane", "values" (V along the cars' ways), "input u0" and the other inputs,
             "curvature", "speed", "margins", "section 1" and so on, as far as the result has them. None: all of it.
         axes: where the panel is drawn. None: in a figure of its own.
@@ -60,7 +62,8 @@ def plot(
     Raises:
         InputError: where the result has no such panel.
     """
-    coerce.instance("result", result, Result)
+    if not isinstance(result, Plan):
+        coerce.instance("result", result, Result)
     coerce.optional("axes", axes, Axes)
     wide = None if width is None else _inches(width)
     with matplotlib.rc_context(PAPER if wide else STYLE):
@@ -69,7 +72,9 @@ def plot(
             figure = axes.get_figure(root=True)
             assert figure is not None
             return figure
-        if panel is None:
+        if isinstance(result, Plan):
+            figure = _mapped(_panel(result, panel), wide or WIDTH)
+        elif panel is None:
             figure = _whole(result, wide)
         else:
             own = wide or PLANE_BESIDE * WIDTH
@@ -84,9 +89,22 @@ def _inches(width: str | float) -> float:
     return CM * coerce.number("width", known, "cm", least=LEAST_WIDTH, most=MOST_WIDTH)
 
 
-def _panel(result: Result, name: str | None) -> Panel:
+def _panel(result: Result | Plan, name: str | None) -> Panel:
+    if isinstance(result, Plan):
+        found = plan_panel(result)
+        return {found.name: found}[coerce.one_of("panel", name or found.name, (found.name,))]
     panels = {panel.name: panel for group in shown_of(result, POINTS).panels.values() for panel in group}
     return panels[coerce.one_of("panel", name, panels)]
+
+
+def _mapped(panel: Panel, width: float) -> Figure:
+    """The plane of a plan, its legend below it."""
+    assert panel.shape is not None
+    height = min(width / panel.shape, width) + MARGIN
+    figure = Figure(figsize=(min(width, height * panel.shape + MARGIN), height), layout="constrained", dpi=160)
+    draw(figure.add_subplot(), panel)
+    figure.legend(handles=handles(panel), loc="outside lower center", ncols=max(2, int(width / ENTRY)))
+    return figure
 
 
 def _whole(result: Result, width: float | None) -> Figure:

@@ -46,12 +46,20 @@ Learn = Callable[[Problem, float], Result]  # the funnel of a problem whose path
 def hold_by_library(problem: Problem) -> Result | None:
     """The path held by tubes that came with the package, proven at once; None where they do not do it."""
     try:
-        offered = [tube for tube in library(problem.vehicle) if _serves(problem, tube)]
-        following = _follow(problem, offered)
+        following = _follow(problem, tubes_for(problem))
     except InputError:  # no tube holds I, S and the path's bounds, or there is none for this kind of vehicle
         return None
     found = _held(problem, following, {})
     return found if found.verdict is Verdict.CERTIFIED else None
+
+
+def tubes_for(problem: Problem) -> list[CertifiedTube]:
+    """The package's tubes that hold the problem's I and lie in its S, within its inputs; whether in G, no path says.
+
+    Raises:
+        InputError: as `library`.
+    """
+    return [tube for tube in library(problem.vehicle) if _serves(problem, tube)]
 
 
 def hold_by_learning(problem: Problem, learn: Learn) -> Result:

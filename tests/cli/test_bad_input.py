@@ -11,7 +11,7 @@ from cfjax.conf import preset_names
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 NAMES = (
-    "circle, ellipse, figure_eight, obstacle, obstacle_tight, oval, slalom, straight, straight_long, "
+    "circle, ellipse, figure_eight, obstacle, obstacle_tight, oval, plan, slalom, straight, straight_long, "
     "straight_restricted, tube, waypoints"
 )
 HIT = " m, comes within 0 m of obstacle 0; expected more than the vehicle's radius there, 0.25 m"

@@ -78,7 +78,7 @@ def needed(write: Callable[..., Path]) -> Callable[[str], list[str]]:
     return lambda name: [f"path.file={write(slalom())}"] if name == "waypoints" else []
 
 
-@pytest.mark.parametrize("name", [name for name in preset_names() if name not in ("tube", "waypoints")])
+@pytest.mark.parametrize("name", [name for name in preset_names() if name not in ("tube", "waypoints", "plan")])
 def test_preset_is_what_was_promised(name: str) -> None:
     config = preset(name)
     problem, options = problem_of(config), options_of(config)
@@ -189,7 +189,7 @@ def test_tube_is_what_was_promised() -> None:
         assert bound.duration == np.inf
 
 
-@pytest.mark.parametrize("name", preset_names())
+@pytest.mark.parametrize("name", [name for name in preset_names() if name != "plan"])  # which tests/planner has
 def test_configuration_survives_its_file(name: str, needed: Callable[[str], list[str]]) -> None:
     sets = ["sets.inlet=0.2", "sets.goal=[0.4,0.4,0.4,0.3]", "sets.safe=null"]
     sets += needed(name)

@@ -127,7 +127,7 @@ def _without_candidate(result: Result) -> Result:
     return result.replace(segments=(), closed_loop=None)
 
 
-PATHS = [name for name in preset_names() if name not in ("waypoints", "tube")]
+PATHS = [name for name in preset_names() if name not in ("waypoints", "tube", "plan")]
 
 
 def _all_in_place(result: Result, draw: Callable[[Result], Figure] = plot, titled: bool = True) -> None:
