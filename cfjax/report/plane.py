@@ -132,7 +132,7 @@ def obstacle_region(obstacle: Obstacle) -> shapely.Geometry:
     """The obstacle as a shape, m."""
     if isinstance(obstacle, Disc):
         return shapely.buffer(shapely.Point(obstacle.x, obstacle.y), obstacle.radius, quad_segs=48)
-    return shapely.Polygon(obstacle.corners)
+    return obstacle.shape
 
 
 def positions(poses: Poses, x: Float[np.ndarray, "t n"]) -> Points:

@@ -244,7 +244,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surround
     if outside.size:
         raise Outside(furthest_out([pieces[index] for index in outside], tubes))
     gap = _gap(reference) if closed else None
-    if surroundings.obstacles:
+    if not surroundings.is_empty:
         from cfjax.tubes.clear import choose_clear  # here, for the solvers come with it
 
         chain, clearance = choose_clear(
