@@ -437,7 +437,7 @@ def stretch_changed(rng: random.Random, document: Document) -> Document:
 
 
 def place_changed(rng: random.Random, document: Document) -> Document:
-    """An obstacle or wall moved or grown, a body enlarged, a stretch's normals turned, or its end; or one obstacle more."""
+    """An obstacle or wall moved or grown, a body enlarged, a stretch's normals or end changed; or one obstacle more."""
     sets, proofs = document["problem"]["sets"], document["hints"]
     how = rng.choice(["place", "place", "radius", "offset", "normal", "normal", "end", "out", "none", "more", "wall"])
     if not sets["obstacles"] or how in ("more", "wall"):

@@ -1,8 +1,8 @@
 """Normals that prove a funnel's clearance of obstacles and walls: sought in floating point, judged by the checker.
 
 At one θ the clearance along a unit normal n is min_c n·c − R − r − h(n), h how far the disc's centre reaches. As a
-function of n it is concave and homogeneous, so that where it is positive for some direction it has one peak, which a fan
-of directions finds.
+function of n it is concave and homogeneous, so that where it is positive for some direction it has one peak, which a
+fan of directions finds.
 
 The checker's bound of first order (`cfjax.check.sweep`) is cheap, and serves all hulls: `reaches` is the same formula
 on arrays, for all pieces of a path and all directions of the fan at once. A piece on which some direction separates

@@ -189,7 +189,7 @@ def prove_clear(
 ) -> None:
     """Proves that the body is clear all along the pieces of a leg, θ from 0; `poses` are those at their ends.
 
-    The first stretch begins at θ = 0, each of the others where the one before ended, the last one ends where the leg does.
+    The first stretch begins at θ = 0, each of the others where the one before ended; the last one ends with the leg.
 
     Raises:
         Blocked: where it is not proven.
@@ -227,7 +227,10 @@ def _check_numbers(surroundings: Surroundings, legs: Sequence[Leg]) -> None:
     """Raises Broken for numbers that are too long to compute with."""
 
     def numbers() -> Iterator[fmpq]:
-        for points in (*(each.corners for each in surroundings.obstacles), *(wall.points for wall in surroundings.walls)):
+        for points in (
+            *(each.corners for each in surroundings.obstacles),
+            *(wall.points for wall in surroundings.walls),
+        ):
             yield from itertools.chain.from_iterable(points)
         yield from (obstacle.round for obstacle in surroundings.obstacles)
         for disc in surroundings.footprint:
@@ -260,9 +263,7 @@ def read_surroundings(obstacles: Item, footprint: Item) -> Surroundings:
             hulls.append(ObstacleClaim(_points(corners, MOST_CORNERS, 1), rounding.rational()))
     if sum(len(wall.points) for wall in walls) > MOST_POINTS:
         obstacles.refuse(f"walls with at most {MOST_POINTS} points together")
-    return Surroundings(
-        tuple(hulls), tuple(map(_disc, footprint.items(MOST_DISCS, least=0))), tuple(walls)
-    )
+    return Surroundings(tuple(hulls), tuple(map(_disc, footprint.items(MOST_DISCS, least=0))), tuple(walls))
 
 
 def _points(item: Item, most: int, least: int) -> tuple[tuple[fmpq, fmpq], ...]:
@@ -289,7 +290,9 @@ def read_clearance(item: Item, surroundings: Surroundings, legs: int) -> Clearan
 
 def _stretch(item: Item) -> ClearStretch:
     if isinstance(item.value, list):
-        raise Unreadable(f"{item.where}: half-planes stand by obstacle, as an earlier release wrote them: make it again")
+        raise Unreadable(
+            f"{item.where}: half-planes stand by obstacle, as an earlier release wrote them: make it again"
+        )
     end, normals = item.record("end", "normals")
     found = [normal.integers(2, -LARGEST_NORMAL, LARGEST_NORMAL) for normal in normals.items(MOST_NORMALS, least=0)]
     if (0, 0) in found or len(set(found)) < len(found):

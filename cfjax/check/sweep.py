@@ -9,8 +9,8 @@ b = n·fwd(α_m), for |n·fwd(α)| ≤ |b| + |a| w, the place p_r of the referen
 as a way that ends where it does goes there and back. A disc with offset o has its centre at p_r + x_R lat + y_R fwd +
 o fwd(α + α_R), and with a', b' at α itself, A = (C⁻¹)_αα and so α_R² ≤ ρ A,
 
-    o n·fwd(α + α_R) ≤ o b' − o a' α_R + |o b'| ρ A/2 + |o a'| (ρ A)^{3/2}/6,      |b'| ≤ |b| + w |a|, |a'| ≤ |a| + w |b|,
-    o b' ≤ o b + |o| (w |a| + w² |b|/2).
+    o n·fwd(α + α_R) ≤ o b' − o a' α_R + |o b'| ρ A/2 + |o a'| (ρ A)^{3/2}/6,
+    o b' ≤ o b + |o| (w |a| + w² |b|/2),    |b'| ≤ |b| + w |a|,    |a'| ≤ |a| + w |b|.
 
 m·x with m = (−o a', a', b', 0, …) reaches √(ρ N(a', b')) with the quadratic form N(a', b') = mᵀ C⁻¹ m; its root is a
 norm, and (a', b') is within w |n| of (a, b):  √N(a', b') ≤ √N(a, b) + w |n| √(trace N).
@@ -21,6 +21,7 @@ Frames and units: as in `cfjax.check.clearance`.
 """
 
 import bisect
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -58,7 +59,7 @@ class Hull(NamedTuple):
     @classmethod
     def of(cls, number: int, claim: ObstacleClaim) -> "Hull":
         """The obstacle with that number, rounded."""
-        corners = tuple((_below(x), _below(y)) for x, y in claim.corners)
+        corners = tuple(map(_corner, claim.corners))
         wide = -_below(-claim.round)
         xs, ys = [x for x, _ in corners], [y for _, y in corners]
         box = (min(xs) - wide, min(ys) - wide, max(xs) + wide + 1, max(ys) + wide + 1)
@@ -69,6 +70,11 @@ class Hull(NamedTuple):
         x, y = normal
         corner = min(x * cx + y * cy for cx, cy in self.corners) + min(x, 0) + min(y, 0)
         return corner - (self.round * length >> BITS) - 1 if self.round else corner
+
+
+@functools.lru_cache(maxsize=2**16)  # edges of a wall share their points
+def _corner(point: tuple[fmpq, fmpq]) -> tuple[int, int]:
+    return _below(point[0]), _below(point[1])
 
 
 def _below(value: fmpq) -> int:

@@ -43,6 +43,7 @@ __all__ = [
     "Tube",
     "Twist",
     "Vehicle",
+    "Wall",
     "affine_along",
     "affine_deviation",
     "ball",

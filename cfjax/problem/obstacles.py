@@ -1,7 +1,7 @@
 """What the vehicle must not touch: discs, polygons and walls in the plane, and the discs that stand for its body.
 
-All of it are hulls: corners, grown by a radius. A disc is one corner, a polygon one hull or several, a wall as many as it
-has edges.
+All of it are hulls: corners, grown by a radius. A disc is one corner, a polygon one hull or several, a wall as many as
+it has edges.
 
 Lengths in m, inertial frame. The safe set that follows is S = {x : (footprint at the pose) ∩ (every obstacle) = ∅}.
 """

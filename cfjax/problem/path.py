@@ -29,6 +29,10 @@ SLOWEST = 1e-6  # m/s
 MEETS = 1e-9  # rad, m and m/s: what is left of them in floating point where one stretch joins another
 
 
+Edges = tuple[tuple[tuple[float, float], ...], ...]
+"""Points (m) of a left and of a right edge."""
+
+
 class Pose(NamedTuple):
     """Heading in rad (0 looks along +y), position in m, inertial frame."""
 
@@ -228,6 +232,7 @@ class Path:
         segments: in the order in which they are driven; each begins at the pose where the one before ends.
         source: how the points that it was made of were taken, in one line.
         doubt: why they may be in another unit, in one line; empty where nothing speaks for it.
+        edges: points (m) of the left and of the right edge beside it, where its file has widths; None: it has none.
 
     Raises:
         InputError: for what are no segments, and for none.
@@ -237,14 +242,23 @@ class Path:
     segments: tuple[Segment | Tube, ...]
     source: str = field(compare=False)
     doubt: str = field(compare=False)
+    edges: Edges | None = field(compare=False)
 
-    def __init__(self, name: str, segments: Sequence[Segment | Tube], source: str = "", doubt: str = "") -> None:
+    def __init__(
+        self,
+        name: str,
+        segments: Sequence[Segment | Tube],
+        source: str = "",
+        doubt: str = "",
+        edges: Edges | None = None,
+    ) -> None:
         keep(
             self,
             name=text("name of a path", name),
             segments=instances("segments of a path", segments, Segment, Tube),
             source=text("source of a path", source),
             doubt=text("doubt about a path", doubt),
+            edges=edges,
         )
         if not self.segments:
             raise InputError(f"path {self.name}: expected at least one segment, got none")

@@ -39,6 +39,7 @@ class Points(NamedTuple):
     speed: Float[np.ndarray, " n"] | None  # m/s
     meaning: Meaning
     in_file: bool
+    widths: Float[np.ndarray, "n 2"] | None = None  # m, to the left and to the right edge
 
     def at(self, index: int) -> str:
         """The name of a point, for messages."""
@@ -46,7 +47,8 @@ class Points(NamedTuple):
 
     def chosen(self, index: np.ndarray) -> "Points":
         speed = None if self.speed is None else self.speed[index]
-        return self._replace(row=self.row[index], place=self.place[index], speed=speed)
+        widths = None if self.widths is None else self.widths[index]
+        return self._replace(row=self.row[index], place=self.place[index], speed=speed, widths=widths)
 
 
 def read_points(source: Source, columns: Sequence[str] | None = None) -> Points:
@@ -96,8 +98,11 @@ def _of_file(file: File, columns: Sequence[str] | None) -> Points:
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith((str(file), "path.")) else f"{file}: {text}") from None
-    values = _values(file, table, meaning.columns)
-    return _points(str(file), np.array(table.numbers), values, meaning, True)
+    points = _points(str(file), np.array(table.numbers), _values(file, table, meaning.columns), meaning, True)
+    if meaning.widths is None:
+        return points
+    widths = _values(file, table, (*meaning.widths, None), ("the left width", "the right width"))
+    return points._replace(widths=widths * np.array(meaning.width_factors))
 
 
 def _named(table: Table, columns: Sequence[str] | None) -> Meaning | None:
@@ -186,9 +191,11 @@ def _look_for_units(table: Table, meaning: Meaning, header: Line | None = None) 
             )
 
 
-def _values(file: File, table: Table, columns: tuple[int, int, int | None]) -> Float[np.ndarray, "n columns"]:
+def _values(
+    file: File, table: Table, columns: tuple[int, int, int | None], names: tuple[str, ...] = ("x", "y", "speed")
+) -> Float[np.ndarray, "n columns"]:
     """The numbers of x, y and, where there is such a column, speed."""
-    labels = [(label, column) for label, column in zip(("x", "y", "speed"), columns, strict=True) if column is not None]
+    labels = [(label, column) for label, column in zip(names, columns, strict=False) if column is not None]
     found = np.empty((len(table.rows), len(labels)))
     for index, (line, row) in enumerate(zip(table.numbers, table.rows, strict=True)):
         for place, (label, column) in enumerate(labels):

@@ -14,16 +14,13 @@ from cfjax.check.reference import Reference
 from cfjax.check.surroundings import Body, Clearance, Surroundings, shadows_of
 from cfjax.check.sweep import Nearby
 from cfjax.tubes.certified import CertifiedTube, Run
+from cfjax.tubes.violation import InTheWay
 
 
 SURELY = 0.02  # m: so far into a hull no direction of the fan misses a clearance
 
 Holds = Bool[np.ndarray, "tubes pieces"]
 Chain = list[tuple[int, int, int]]  # first piece, piece after the last, tube
-
-
-class InTheWay(ValueError):
-    """An obstacle or a wall that the body may reach in every tube that holds the path there."""
 
 
 def choose_clear(
@@ -43,21 +40,23 @@ def choose_clear(
     """
     hulls, along = Hulls(surroundings.hulls), Along.path(reference)
     places = _Places(reference, surroundings, hulls, along, holds.copy())
-    for index, tube in enumerate(tubes):
-        places.leave_out(index, tube)
+    for index in np.flatnonzero(holds.any(axis=1)).tolist():
+        places.leave_out(index, tubes[index])
     places.require_way()
     while True:
         try:
             chain = choose(places.holds)
         except ValueError as error:
             raise InTheWay(f"{error}{places.beside()}") from None
-        legs = [Run(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)]
+        legs = [
+            Run(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
+        ]
         try:
             return chain, find_clearance(surroundings, legs, hulls, along)
         except NotClear as error:
             begin, _, tube = chain[error.leg]
             begins = [float(piece.theta) for piece in legs[error.leg].pieces]
-            places.take(tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1, error.hull)
+            places.take(tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1, error.hull, 0.0)
             places.require_way()
 
 
@@ -70,12 +69,13 @@ class _Places:
     hulls: Hulls
     along: Along
     holds: Holds
-    taken: dict[int, int] = field(default_factory=dict)  # the hull that was in the way last, by piece
+    # the hull that was in the way and by how much (m), by piece: of the tube for which that is least
+    taken: dict[int, tuple[float, int]] = field(default_factory=dict)
 
-    def take(self, tube: int, piece: int, hull: int) -> None:
-        """A tube is of no use on a piece, for a hull is in the way."""
+    def take(self, tube: int, piece: int, hull: int, excess: float) -> None:
+        """A tube is of no use on a piece, for the body may reach a hull, or more than that by `excess` m."""
         self.holds[tube, piece] = False
-        self.taken[piece] = hull
+        self.taken[piece] = min(self.taken.get(piece, (np.inf, hull)), (excess, hull))
 
     def leave_out(self, index: int, tube: CertifiedTube) -> None:
         """Places at which the body may touch something, as far as bounds of first order and samples tell."""
@@ -89,15 +89,16 @@ class _Places:
             rows = rows_of(self.hulls, self.along.some(own), level[own], disc, ROUGH)
             doubtful = rows.room.max(axis=1) <= SAFE
             pieces, hulls = own[rows.piece[doubtful]], rows.hull[doubtful]
-            starts = np.column_stack([self._headings[pieces], self.along.start[pieces]])
-            room = (self.hulls.support[hulls] - disc.reach(starts, level[pieces], FAN.units)).max(axis=1)
+            at, which = np.unique(pieces, return_inverse=True)
+            starts = np.column_stack([self._headings[at], self.along.start[at]])
+            room = (self.hulls.support[hulls] - disc.reach(starts, level[at], FAN.units)[which]).max(axis=1)
             for row in np.flatnonzero(room < -SURELY).tolist():
-                self.take(index, int(pieces[row]), int(hulls[row]))
+                self.take(index, int(pieces[row]), int(hulls[row]), float(-room[row]))
             for piece in dict.fromkeys(pieces[self.holds[index, pieces]].tolist()):
                 for look in search.looks(reference.pieces[piece], reference.piece_poses[piece]):
                     least = look.own().min(axis=1)
                     if not least.min() > 0:
-                        self.take(index, piece, int(look.hulls[least.argmin()]))
+                        self.take(index, piece, int(look.hulls[least.argmin()]), float(-least.min()))
 
     @cached_property
     def _headings(self) -> Float[np.ndarray, " p"]:
@@ -105,8 +106,8 @@ class _Places:
 
     def beside(self) -> str:
         """Where a chain may be missing because of what is beside the path."""
-        names = list(dict.fromkeys(map(self.surroundings.name, self.taken.values())))
-        return f", where {names[-1]} leaves room" if names else ""
+        last = next(reversed(self.taken.values()), None)
+        return f", where {self.surroundings.name(last[1])} leaves room" if last else ""
 
     def require_way(self) -> None:
         """Raises InTheWay where no tube is left."""
@@ -115,8 +116,9 @@ class _Places:
             return
         place = int(blocked[0])
         piece, (x, y) = self.reference.pieces[place], self.along.start[place]
+        excess, hull = self.taken[place]
         raise InTheWay(
-            f"{self.surroundings.name(self.taken[place])} is in the way: from theta = {float(piece.theta):.6g} s of "
-            f"segment {piece.segment}, ({x:.4g}, {y:.4g}) m, on the body may reach it in every tube that holds the path "
-            "there"
+            f"{self.surroundings.name(hull)} is in the way: from theta = {float(piece.theta):.6g} s of segment "
+            f"{piece.segment}, ({x:.4g}, {y:.4g}) m, on the body may reach it in every tube that holds the path there, "
+            f"and {excess:.3g} m beyond in the one that comes least near"
         )

@@ -20,7 +20,7 @@ from cfjax.check.level import LEVELS, Contracting, Level, Paper
 from cfjax.check.piece import Piece, between
 from cfjax.check.rational import rational
 from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.surroundings import ClearStretch, Surroundings, WallClaim, prove_surroundings
+from cfjax.check.surroundings import ClearStretch, Surroundings, prove_surroundings
 from cfjax.exact import StatedProfile, StatedSegment, exact_reference
 from cfjax.funnel import template_named
 from cfjax.problem import Segment, obstacle_path
@@ -339,7 +339,10 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
     "growing": ("not proven", lambda c: c._replace(level=replace(c.level, rate=-c.level.rate))),
     "other template": ("empty before its end", lambda c: c._replace(level=Paper(ONE))),
     "start moved": ("not proven", lambda c: moved(c, 0.02)),
-    "start nowhere": ("place of the reference is not known", lambda c: c._replace(start=ExactPose(c.start.heading, acb("nan")))),
+    "start nowhere": (
+        "place of the reference is not known",
+        lambda c: c._replace(start=ExactPose(c.start.heading, acb("nan"))),
+    ),
     "start anywhere": ("not proven", lambda c: c._replace(start=ExactPose(c.start.heading, acb(arb(0, 9), arb(0, 9))))),
     "start turned": ("not proven", lambda c: c._replace(start=c.start._replace(heading=c.start.heading - fmpq(1, 20)))),
     "first piece left out": ("ends increase", lambda c: c._replace(pieces=c.pieces[1:])),
@@ -348,7 +351,10 @@ ATTACKS: dict[str, tuple[str, Callable[[Claim], Claim]]] = {
     "pieces exchanged": ("not proven", lambda c: c._replace(pieces=(c.pieces[1], c.pieces[0], *c.pieces[2:]))),
     "a piece twice": ("ends increase", lambda c: c._replace(pieces=(c.pieces[0], *c.pieces))),
     "no stretches": ("ends increase", lambda c: spoiled(c, lambda p: [])),
-    "too short": ("ends increase", lambda c: spoiled(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end - fmpq(1, 10**9))])),
+    "too short": (
+        "ends increase",
+        lambda c: spoiled(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end - fmpq(1, 10**9))]),
+    ),
     "too long": ("ends increase", lambda c: spoiled(c, lambda p: [*p[:-1], end_at(p[-1], p[-1].end + fmpq(1, 10**9))])),
     "backwards": ("ends increase", lambda c: spoiled(c, lambda p: [p[1], p[0], *p[2:]])),
     "from below zero": ("ends increase", lambda c: spoiled(c, lambda p: [end_at(p[0], fmpq(-1)), *p])),

@@ -345,7 +345,10 @@ ATTACKS: dict[str, tuple[Callable[[Document], object], str]] = {
     "start moved": (start_moved, "clearance is not proven at theta"),
     "start turned": (start_turned, "clearance is not proven at theta"),
     "obstacle grown": (lambda d: sets(d)["obstacles"][0].update(round="1"), "clearance is not proven at theta"),
-    "obstacle moved": (lambda d: sets(d)["obstacles"][1]["corners"].append(["0", "1"]), "clearance is not proven at theta"),
+    "obstacle moved": (
+        lambda d: sets(d)["obstacles"][1]["corners"].append(["0", "1"]),
+        "clearance is not proven at theta",
+    ),
     "body larger": (lambda d: sets(d)["footprint"][1].update(radius="1"), "clearance is not proven at theta"),
     "body longer": (lambda d: sets(d)["footprint"][1].update(offset="3/2"), "clearance is not proven at theta"),
     "no body": (lambda d: sets(d).update(footprint=[]), "no footprint that could clear them"),
