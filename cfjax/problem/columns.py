@@ -84,6 +84,7 @@ class Meaning(NamedTuple):
     named: bool = True
     widths: tuple[int, int] | None = None  # columns of the half-widths to the left and to the right
     width_factors: tuple[float, float] = (1.0, 1.0)
+    width_names: tuple[str, ...] = ()
 
 
 class _Name(NamedTuple):
@@ -125,9 +126,10 @@ def meaning_of(names: Sequence[str]) -> Meaning | None:
             )
     chosen: tuple[int, int, int | None] = (*pair, speed)
     used = tuple(parsed[index].text for index in chosen if index is not None)
-    unused = tuple(name.text for index, name in enumerate(parsed) if index not in chosen and name.words)
-    says = speed is None or parsed[speed].unit is not None
     widths = _widths(parsed)
+    others = (name for index, name in enumerate(parsed) if index not in (*chosen, *widths))
+    unused = tuple(name.text for name in others if name.words)
+    says = speed is None or parsed[speed].unit is not None
     wide = tuple(
         scales[0] if parsed[k].unit is None else _factor(parsed[k], LENGTHS, "a length", _SHOWN) for k in widths
     )
@@ -140,6 +142,7 @@ def meaning_of(names: Sequence[str]) -> Meaning | None:
         says,
         widths=(widths[0], widths[1]) if widths else None,
         width_factors=(wide[0], wide[1]) if widths else (1.0, 1.0),
+        width_names=tuple(parsed[index].text for index in sorted(widths)),
     )
 
 

@@ -182,8 +182,10 @@ def _account(route: Route, path: Path, curve: Curve, limits: Limits, smoothing: 
         said[3] += " (no speed is given)"
     unused = [*meaning.unused[:6], *(["…"] if len(meaning.unused) > 6 else [])]
     name = File(points.source).name if points.in_file else points.source
-    hint = " (sets.corridor=file makes walls of the widths)" if points.widths is not None else ""
-    return f"{name}: {', '.join(said)}" + (f"; {', '.join(unused)} not used{hint}" if unused else "")
+    account = f"{name}: {', '.join(said)}"
+    if wide := points.meaning.width_names:
+        account += f"; {', '.join(wide)} used with sets.corridor=file only"
+    return account + (f"; {', '.join(unused)} not used" if unused else "")
 
 
 def _moving(points: Points, least: float | None) -> Points:

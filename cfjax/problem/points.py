@@ -214,7 +214,7 @@ def _values(
 
 def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
     """Rows x, y and perhaps speed; what has columns by name is read by them."""
-    by_name = _columns_of(source)
+    by_name, wide = _columns_of(source), None
     if by_name is None:
         table = _array(source)
         table = as_rows(table) if np.iscomplexobj(table) and table.ndim == 1 else table
@@ -226,6 +226,9 @@ def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
     names = list(columns if columns is not None else by_name or ())
     meaning = None if all(name.isdecimal() for name in names) else _of_names(names)
     chosen = range(width) if meaning is None else [column for column in meaning.columns if column is not None]
+    if meaning is not None and meaning.widths:
+        every = list(by_name.values()) if by_name is not None else list(_array(source).T)
+        wide = _array([every[column] for column in meaning.widths]).T * np.array(meaning.width_factors)
     if by_name is not None:
         parts = list(by_name.values())
         table = _array([parts[column] for column in chosen]).T
@@ -238,7 +241,7 @@ def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
             f"points: expected the name of a file, rows x, y or x, y, speed, or columns by name; got "
             f"{type(source).__name__} of shape {table.shape}{hint}"
         )
-    return _in_memory(table, meaning)
+    return _in_memory(table, meaning)._replace(widths=wide)
 
 
 def _columns_of(source: Any) -> dict[str, Any] | None:

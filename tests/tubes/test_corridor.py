@@ -3,6 +3,7 @@
 import copy
 import json
 from collections.abc import Sequence
+from pathlib import Path as File
 
 import numpy as np
 import pytest
@@ -11,11 +12,16 @@ import shapely
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash
 from cfjax.errors import InputError
+from cfjax.options import Options
 from cfjax.problem import Disc, FootprintDisc, Obstacle, Path, Polygon, Problem, Wall, circle, oval, slalom, straight
 from cfjax.problem.corridor import walls_of
+from cfjax.problem.point_path import waypoints
+from cfjax.synthesis import search
 from cfjax.tubes import follow
+from cfjax.tubes.__main__ import main
 from cfjax.tubes.certificate import chain_document
 from cfjax.tubes.follow import Following
+from cfjax.verdict import Verdict
 
 
 BODY = (FootprintDisc(0.2, 0.0), FootprintDisc(0.15, 0.3))
@@ -68,6 +74,14 @@ def test_a_lap_in_its_corridor_is_proven_and_no_car_touches_it(lap: Following, d
     assert "clear of 2 walls, wherever in its tube the car is" in str(lap)
     walls = walls_of({"left": 0.6, "right": 0.5}, oval(), True)
     assert 0 < least_gap(lap, walls, 20_000) < 0.2
+
+
+@pytest.mark.slow
+def test_a_funnel_of_the_path_s_own_is_proven_between_walls() -> None:
+    walls = {"left": 0.6, "right": 0.7}
+    problem = Problem(circle(1.5, 1.5), inlet=0.1, goal=0.2, corridor=walls, footprint=BODY)
+    result = search(problem, Options(certificate="segment", robustness=False))
+    assert result.verdict is Verdict.CERTIFIED and "clear of 2 walls through" in result.message
 
 
 def test_walls_keep_their_half_widths() -> None:
@@ -126,6 +140,54 @@ def test_in_crowded_scenes_nothing_that_is_accepted_is_touched() -> None:
         assert check_document(chain_document(found)).outcome is Outcome.PROVEN
         assert least_gap(found, obstacles, 4000, seed) > 0
     assert 3 <= accepted <= 11
+
+
+# --- files
+
+
+def track_file(folder: File, widths: str = "w_tr_right_m, w_tr_left_m", unit: float = 1.0) -> File:
+    """An ellipse as a centre line of a race track, anticlockwise: 1.1 m to the right, 0.6 m to the left."""
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    rows = [f"{4 * np.cos(a):.5f}, {3 * np.sin(a):.5f}, {1.1 * unit}, {0.6 * unit}" for a in angle]
+    file = folder / "track.csv"
+    file.write_text(f"# x_m, y_m, {widths}\r\n" + "\r\n".join(rows) + "\r\n", encoding="utf-8-sig")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("widths", "unit"), [("w_tr_right_m, w_tr_left_m", 1.0), ("width_right_cm, width_left_cm", 100)]
+)
+def test_the_widths_of_a_track_file_are_walls_where_they_are_asked_for(
+    tmp_path: File, widths: str, unit: float, capsys: pytest.CaptureFixture
+) -> None:
+    path = waypoints(track_file(tmp_path, widths, unit))
+    assert path.source.endswith(f"; {widths} used with sets.corridor=file only")
+    assert follow(path, closed=True).surroundings.is_empty
+    left, right = walls_of("file", path)
+    assert left.points[0] == left.points[-1] == pytest.approx((3.4, 0.0), abs=2e-3)
+    assert right.points[0] == pytest.approx((5.1, 0.0), abs=2e-3)
+    assert main([str(tmp_path / "track.csv"), "--corridor", "file", "--certificate", str(tmp_path / "c.json")]) == 0
+    assert "clear of 2 walls" in capsys.readouterr().out
+    assert check_document(json.loads((tmp_path / "c.json").read_text())).outcome is Outcome.PROVEN
+
+
+def test_the_command_says_what_is_no_corridor(tmp_path: File, capsys: pytest.CaptureFixture) -> None:
+    assert main([str(track_file(tmp_path)), "--corridor", "0.2", "0.3", "--footprint", "0.25", "0"]) == 2
+    assert "comes within 0.2 m of wall 0; expected more" in capsys.readouterr().err
+    assert main([str(track_file(tmp_path)), "--corridor", "1", "2", "3"]) == 2
+    assert "sets.corridor: expected a half-width" in capsys.readouterr().err
+
+
+def test_columns_of_widths_in_memory() -> None:
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    table = {
+        "x": 4 * np.cos(angle),
+        "y": 3 * np.sin(angle),
+        "left_width": np.full(60, 0.6),
+        "right_width": 1 + 0 * angle,
+    }
+    left, right = walls_of("file", waypoints(table))
+    assert (left.points[0][0], right.points[0][0]) == pytest.approx((3.4, 5.0), abs=2e-3)
 
 
 # --- refusals
