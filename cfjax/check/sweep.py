@@ -21,7 +21,6 @@ Frames and units: as in `cfjax.check.clearance`.
 """
 
 import bisect
-import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -59,7 +58,7 @@ class Hull(NamedTuple):
     @classmethod
     def of(cls, number: int, claim: ObstacleClaim) -> "Hull":
         """The obstacle with that number, rounded."""
-        corners = tuple(map(_corner, claim.corners))
+        corners = tuple((_below(x), _below(y)) for x, y in claim.corners)
         wide = -_below(-claim.round)
         xs, ys = [x for x, _ in corners], [y for _, y in corners]
         box = (min(xs) - wide, min(ys) - wide, max(xs) + wide + 1, max(ys) + wide + 1)
@@ -70,11 +69,6 @@ class Hull(NamedTuple):
         x, y = normal
         corner = min(x * cx + y * cy for cx, cy in self.corners) + min(x, 0) + min(y, 0)
         return corner - (self.round * length >> BITS) - 1 if self.round else corner
-
-
-@functools.lru_cache(maxsize=2**16)  # edges of a wall share their points
-def _corner(point: tuple[fmpq, fmpq]) -> tuple[int, int]:
-    return _below(point[0]), _below(point[1])
 
 
 def _below(value: fmpq) -> int:

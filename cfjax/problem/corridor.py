@@ -107,8 +107,9 @@ def _edges(corridor: object, path: Path, line: _Line, lap: bool) -> list[Float[n
         corridor = dict.fromkeys(SIDES, width)
     if not isinstance(corridor, Mapping) or not {*SIDES} <= {*corridor} <= {*SIDES, "theta"}:
         raise InputError(f"sets.corridor: {FORMS}, got {corridor!r}"[:300])
-    theta = None if "theta" not in corridor else array("sets.corridor.theta", corridor["theta"], (None,))
-    return [_edge(name, corridor[name], theta, line, lap) for name in SIDES]
+    given = {str(name): value for name, value in corridor.items()}
+    theta = array("sets.corridor.theta", given["theta"], (None,)) if "theta" in given else None
+    return [_edge(name, given[name], theta, line, lap) for name in SIDES]
 
 
 def _edge(
@@ -117,7 +118,7 @@ def _edge(
     label = f"sets.corridor.{name}"
     if isinstance(given, str | PathLike):
         place = read_points(given).place
-        return np.stack([place.real, place.imag], axis=1)
+        return np.stack([np.real(place), np.imag(place)], axis=1)
     if real(given) is not None:
         return _beside(name, np.full(len(line.theta), number(label, given, "m", above=0)), line, lap)
     if theta is None:

@@ -8,7 +8,7 @@ at rate u0 along the clock.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -211,7 +211,7 @@ class Segment:
         """Reference poses (α_r in rad, x_r, y_r in m) at increasing θ (s), by Gauss–Legendre quadrature."""
         heading = self.turn_rate.integrals
         grid = np.unique(np.concatenate([[0.0], theta, self.turn_rate.breaks, self.speed.breaks]))
-        nodes, weights = np.polynomial.legendre.leggauss(12)
+        nodes, weights = _quadrature()
         half = 0.5 * np.diff(grid)[:, None]
         at = grid[:-1, None] + half * (1 + nodes)
         alpha = self.start.alpha + heading(at)
@@ -221,6 +221,12 @@ class Segment:
         y = self.start.y + np.concatenate([[0.0], np.cumsum(dy)])
         index = np.searchsorted(grid, theta)
         return np.stack([self.start.alpha + heading(theta), x[index], y[index]], axis=-1)
+
+
+@cache
+def _quadrature() -> tuple[Float[np.ndarray, " 12"], Float[np.ndarray, " 12"]]:
+    """Nodes in [−1, 1], and weights."""
+    return np.polynomial.legendre.leggauss(12)
 
 
 @dataclass(frozen=True)
