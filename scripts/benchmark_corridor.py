@@ -48,7 +48,7 @@ def poles(place: np.ndarray, count: int) -> list[Disc]:
     while len(found) < count:
         at, radius = place[rng.integers(len(place))] + rng.uniform(-6, 6, 2), rng.uniform(0.1, 0.4)
         if np.linalg.norm(place - at, axis=1).min() > radius + BODY + 0.3:
-            found.append(Disc(*at, radius))
+            found.append(Disc(float(at[0]), float(at[1]), radius))
     return found
 
 
@@ -93,7 +93,7 @@ def main() -> int:
         claims = certificate.claims
         replay = "-"
         if not found.surroundings.is_empty:
-            _ = claims.problem.course.reference.piece_poses  # of the path alone
+            _ = claims.legs[0].reference.piece_poses  # of the path alone
             own, _ = median(
                 1, lambda c=certificate: prove_surroundings(c.claims.problem.surroundings, c.claims.legs, c.clearance)
             )
