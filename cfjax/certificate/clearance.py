@@ -76,7 +76,8 @@ def find_clearance(
         search = Search(leg, body, hulls)
         try:
             found.append(search.stretches(along.some(slice(leg.begin, leg.end))))
-        except NotClear as error:
+        except NotClear as failure:
+            error = search.deepest() or failure
             raise NotClear(f"{surroundings.name(error.hull)}: {error}", error.theta, leg.index, error.hull) from None
     return tuple(found)
 
@@ -149,6 +150,15 @@ class Search:
             if hulls.size:
                 yield Look(self.hulls, disc, hulls, at, poses, level)
 
+    def deepest(self) -> NotClear | None:
+        """Where along the leg the body reaches farthest into a hull, as far as samples tell; None where it does not."""
+        poses, found, least = self.leg.reference.piece_poses[self.leg.begin :], None, 0.0
+        for piece, start in zip(self.leg.pieces, poses, strict=False):
+            for look in self.looks(piece, start):
+                if (own := look.own()).min() < least:
+                    found, least = look.touch(own), float(own.min())
+        return found
+
     def _directions(self, part: Piece, start: ExactPose) -> tuple[Normal, ...] | None:
         """Normals that separate each hull from each disc, as far as samples tell, and keep their share of clearance.
 
@@ -160,10 +170,8 @@ class Search:
         found: dict[Normal, None] = {}
         for look in self.looks(part, start):
             own = look.own()
-            row, place = np.unravel_index(own.argmin(), own.shape)
-            if not own[row, place] > 0:
-                message = f"the body may reach {-own[row, place]:.3g} m into it at theta = {look.theta[place]:.6g} s"
-                raise NotClear(message, float(look.theta[place]), hull=int(look.hulls[row]))
+            if not own.min() > 0:
+                raise look.touch(own)
             least = SHARE * own.min(axis=1)
             keeps = look.room.min(axis=1) >= least[:, None]
             fine = keeps.any(axis=1)
@@ -199,6 +207,13 @@ class Look:
             place = int(own[row].argmin())
             own[row, place] = max(own[row, place], self.narrowed(row, slice(place, place + 1))[0])
         return own
+
+    def touch(self, own: Float[np.ndarray, "h t"]) -> NotClear:
+        """What is to be said of the place with the least clearance, where there is none."""
+        row, place = (int(index) for index in np.unravel_index(own.argmin(), own.shape))
+        at = float(self.theta[place])
+        message = f"the body may reach {-own[row, place]:.3g} m into it at theta = {at:.6g} s"
+        return NotClear(message, at, hull=int(self.hulls[row]))
 
     def narrowed(self, row: int, places: slice) -> tuple[float, Normal]:
         """The largest clearance (m) that one direction keeps from a hull at the places, and the direction."""
