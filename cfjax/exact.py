@@ -18,9 +18,9 @@ from cfjax.check.piece import Piece
 from cfjax.check.polynomial import Coefficients, evaluate, shifted
 from cfjax.check.rational import decimal_text, rational, upper_bound
 from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
-from cfjax.check.surroundings import Clearance, Surroundings
+from cfjax.check.surroundings import Clearance, Surroundings, WallClaim
 from cfjax.errors import InputError
-from cfjax.problem import FootprintDisc, Interval, Obstacle, Tube
+from cfjax.problem import FootprintDisc, Interval, Obstacle, Tube, Wall
 from cfjax.problem.path import Path, Segment
 
 
@@ -44,14 +44,19 @@ def exact_bounds(tube: Tube) -> Bounds:
 
 
 def exact_surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> Surroundings:
-    """Obstacles and the body that has to clear them; without obstacles neither."""
+    """Obstacles in convex parts, walls, and the body that has to clear them; without any of them no body either."""
     if not obstacles:
         return Surroundings()
-    hulls = (tuple((rational(float(x)), rational(float(y))) for x, y in each.corners) for each in obstacles)
+    solid = (hull for each in obstacles if not isinstance(each, Wall) for hull in each.hulls)
     return Surroundings(
-        tuple(ObstacleClaim(hull, rational(each.round)) for hull, each in zip(hulls, obstacles, strict=True)),
+        tuple(ObstacleClaim(_points(hull.corners), rational(hull.round)) for hull in solid),
         tuple(FootprintClaim(*exact_numbers(disc)) for disc in footprint),
+        tuple(WallClaim(_points(each.points)) for each in obstacles if isinstance(each, Wall)),
     )
+
+
+def _points(points: Sequence[tuple[float, float]]) -> tuple[tuple[fmpq, fmpq], ...]:
+    return tuple((rational(x), rational(y)) for x, y in points)
 
 
 @dataclass(frozen=True)
@@ -229,22 +234,20 @@ def write_path(path: Path, pieces: Sequence[Piece], closed: bool) -> dict[str, A
 
 
 def write_surroundings(surroundings: Surroundings) -> dict[str, Any]:
-    """Obstacles, and the discs of the body."""
+    """Obstacles and walls, and the discs of the body."""
     return {
         "obstacles": [
             {"corners": [[str(x), str(y)] for x, y in obstacle.corners], "round": str(obstacle.round)}
             for obstacle in surroundings.obstacles
-        ],
+        ]
+        + [{"wall": [[str(x), str(y)] for x, y in wall.points]} for wall in surroundings.walls],
         "footprint": [{"radius": str(disc.radius), "offset": str(disc.offset)} for disc in surroundings.footprint],
     }
 
 
 def write_clearance(clearance: Clearance) -> list:
-    """Half-planes by leg, obstacle and disc of the footprint."""
+    """Stretches of each leg, with normals."""
     return [
-        [
-            [[{"end": str(plane.end), "normal": [str(n) for n in plane.normal]} for plane in disc] for disc in obstacle]
-            for obstacle in leg
-        ]
+        [{"end": str(stretch.end), "normals": [list(normal) for normal in stretch.normals]} for stretch in leg]
         for leg in clearance
     ]

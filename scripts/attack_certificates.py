@@ -437,47 +437,42 @@ def stretch_changed(rng: random.Random, document: Document) -> Document:
 
 
 def place_changed(rng: random.Random, document: Document) -> Document:
-    """An obstacle moved or grown, a body enlarged, a half-plane turned or cut short; a path without any has its own."""
+    """An obstacle or wall moved or grown, a body enlarged, a stretch's normals or end changed; or one obstacle more."""
     sets, proofs = document["problem"]["sets"], document["hints"]
-    how = rng.choice(["corner", "round", "radius", "offset", "plane", "plane", "end", "out", "none", "more"])
-    if not sets["obstacles"] or how == "more":
-        corners = [[str(Fraction(round(rng.gauss(0, 2) * 64), 64)) for _ in range(2)] for _ in range(rng.randint(1, 3))]
-        sets["obstacles"].append({"corners": corners, "round": "1/4"})
+    how = rng.choice(["place", "place", "radius", "offset", "normal", "normal", "end", "out", "none", "more", "wall"])
+    if not sets["obstacles"] or how in ("more", "wall"):
+        points = [[str(Fraction(round(rng.gauss(0, 2) * 64), 64)) for _ in range(2)] for _ in range(rng.randint(2, 3))]
+        sets["obstacles"].append({"wall": points} if how == "wall" else {"corners": points, "round": "1/4"})
         sets["footprint"] = sets["footprint"] or [{"radius": "1/4", "offset": "0"}]
-        plane = {"end": "0", "normal": [str(rng.randint(-9, 9)), "1"]}
-        legs = legs_of(document)
-        proofs["clearance"] = proofs["clearance"] or [[] for _ in legs]
-        for (_, pieces), planes in zip(legs, proofs["clearance"], strict=True):
-            end = str(duration_of(pieces))
-            planes.append([[{**plane, "end": end}] for _ in sets["footprint"]])
-        return document
-    if how == "none":
+        ends = [str(duration_of(pieces)) for _, pieces in legs_of(document)]
+        normals = [[rng.randint(-9, 9), 1], [rng.randint(-9, 9), -1]]
+        proofs["clearance"] = proofs["clearance"] or [[{"end": end, "normals": normals}] for end in ends]
+    elif how == "none":
         proofs["clearance"] = []
     else:
-        clearance_changed(rng, how, sets, proofs["clearance"])
+        clearance_changed(rng, how, sets, rng.choice(proofs["clearance"]))
     return document
 
 
-def clearance_changed(rng: random.Random, how: str, surroundings: Document, clearance: list) -> None:
-    """An obstacle, a disc of the body or a half-plane as `place_changed` has it."""
+def clearance_changed(rng: random.Random, how: str, surroundings: Document, stretches: list) -> None:
+    """An obstacle, a disc of the body or a stretch as `place_changed` has it."""
     near = Fraction(rng.choice([-1, 1]), 10 ** rng.randint(0, 9))
-    obstacle, disc = rng.choice(surroundings["obstacles"]), rng.choice(surroundings["footprint"])
-    planes = rng.choice(rng.choice(rng.choice(clearance)))
-    plane = rng.choice(planes)
-    if how == "corner":
-        corner, k = rng.choice(obstacle["corners"]), rng.randrange(2)
-        corner[k] = str(Fraction(corner[k]) + near)
+    obstacle, disc, stretch = map(rng.choice, (surroundings["obstacles"], surroundings["footprint"], stretches))
+    if how == "place":
+        if "round" in obstacle and rng.random() < 0.5:
+            obstacle["round"] = str(Fraction(obstacle["round"]) + abs(near))
+        else:
+            point, k = rng.choice(obstacle.get("corners") or obstacle["wall"]), rng.randrange(2)
+            point[k] = str(Fraction(point[k]) + near)
     elif how in ("radius", "offset"):
         disc[how] = str(Fraction(disc[how]) + near)
-    elif how == "round":
-        obstacle["round"] = str(Fraction(obstacle["round"]) + abs(near))
-    elif how == "plane":
-        k = rng.randrange(2)
-        plane["normal"][k] = str(rng.choice([-1, 1]) * Fraction(plane["normal"][k]) + near)
+    elif how == "normal" and stretch["normals"]:
+        normal = rng.choice(stretch["normals"])
+        normal[rng.randrange(2)] += rng.choice([-1, 1]) * 10 ** rng.randint(0, 3)
     elif how == "end":
-        plane["end"] = str(Fraction(plane["end"]) + near)
+        stretch["end"] = str(Fraction(stretch["end"]) + near)
     else:
-        planes.remove(plane)
+        stretches.remove(stretch)
 
 
 def function_dropped(rng: random.Random, document: Document) -> Document:

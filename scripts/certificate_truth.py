@@ -237,8 +237,9 @@ def _reaches(poses: np.ndarray, root: np.ndarray, shape: np.ndarray, surrounding
     for disc in surroundings["footprint"]:
         centres = body_centres(poses, root, x, number(disc["offset"])).reshape(-1, 2)
         for obstacle in surroundings["obstacles"]:
-            corners = np.array([[number(x), number(y)] for x, y in obstacle["corners"]])
-            if distances(centres, corners).min() < number(obstacle["round"]) + number(disc["radius"]) - TOLERANCE:
+            points = np.array([[number(x), number(y)] for x, y in obstacle.get("corners") or obstacle["wall"]])
+            apart = distances(centres, points, "wall" in obstacle).min()
+            if apart < number(obstacle.get("round", "0")) + number(disc["radius"]) - TOLERANCE:
                 return True
     return False
 
@@ -254,11 +255,13 @@ def body_centres(poses: np.ndarray, root: np.ndarray, x: np.ndarray, offset: flo
     return poses[:, None, 1:] + scaled[..., 1:2] * lateral + scaled[..., 2:3] * forward + own
 
 
-def distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Distances of points from the hull of corners; zero inside."""
+def distances(points: np.ndarray, corners: np.ndarray, is_wall: bool = False) -> np.ndarray:
+    """Distances of points from the hull of corners, zero inside, or from the polyline through them."""
     import shapely
 
-    return np.asarray(shapely.distance(shapely.points(points), shapely.MultiPoint(corners).convex_hull))
+    shape = shapely.LineString(corners) if is_wall else shapely.MultiPoint(corners).convex_hull
+    shapely.prepare(shape)
+    return np.asarray(shapely.distance(shape, shapely.points(points)))
 
 
 def _level_after(funnel: Document, distance: float, fastest: float) -> float:

@@ -22,7 +22,7 @@ from cfjax.control import MinNorm, law_numbers
 from cfjax.demonstrator import horizon_of, weights_of
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.learner.elimination import Elimination
-from cfjax.problem import Disc, Polygon, Pose, Profile, ReferencePoint, RosPose, Segment, Tube
+from cfjax.problem import Disc, Polygon, Pose, Profile, ReferencePoint, RosPose, Segment, Tube, Wall
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation.track import track_of
 from cfjax.tubes.certified import CertifiedTube
@@ -157,6 +157,7 @@ TABLE: dict[str, Callable[[], Call]] = {
     "Following.tube_at": lambda: of(following().tube_at, CertifiedTube, segment=0, theta=1.0),
     "Disc": lambda: of(Disc, Disc, x=0, y=0, radius=1),
     "Polygon": lambda: of(Polygon, Polygon, corners=[[0, 0], [1, 0], [0, 1]]),
+    "Wall": lambda: of(Wall, Wall, points=[[0, 0], [1, 0], [0, 1]]),
     "Profile": lambda: of(Profile, Profile, breaks=[0, 1], coefficients=[[1.0, 0.5]]),
     "Profile.constant": lambda: of(Profile.constant, Profile, value=1, duration=2),
     "Segment": lambda: of(Segment, Segment, **vars(PATH.curve[0]) | {"start": (0, 0, 0)}),

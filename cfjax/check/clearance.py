@@ -1,4 +1,4 @@
-"""A funnel's body never touches an obstacle: half-planes along θ, proven by second-order Taylor bounds in arb balls.
+"""A funnel's body never touches an obstacle: a half-plane on a piece, proven by second-order Taylor bounds in balls.
 
 The vehicle's deviation x = (α_R, x_R, y_R, …) lies in {xᵀ C x ≤ ρ(θ)}. A disc of its body, offset o along its forward
 axis, radius r, has its centre at p_r + R(α_r) (x_R, y_R) + o fwd(α_r + α_R). It is apart from an obstacle, the hull of
@@ -25,8 +25,8 @@ Frames and units: θ in s from the segment's start, lengths in m, inertial frame
 (cos α, sin α), the forward axis (−sin α, cos α).
 """
 
-import itertools
-from collections.abc import Iterator, Sequence
+import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,10 +34,10 @@ from flint import acb, arb, arb_series, fmpq, fmpq_mat
 
 from cfjax.check.enclosure import Budget
 from cfjax.check.level import Level
-from cfjax.check.piece import Piece, between
+from cfjax.check.piece import Piece
 from cfjax.check.polynomial import bernstein
 from cfjax.check.program import Matrix
-from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
+from cfjax.check.rational import about, decimal_text, is_positive_definite
 from cfjax.check.reference import ExactPose
 from cfjax.check.vehicle import POSE
 
@@ -46,9 +46,7 @@ TERMS = 3  # of a Taylor series of second order
 # λ is tried at √(Q/ρ)/2, which is best for κ = 0, and at these shares of κ A/2 above it
 MULTIPLIERS = tuple(fmpq(k, 4) for k in range(5))
 MOST_HALVINGS = 40  # of a piece
-LARGEST_EFFORT = 2**20  # of one obstacle, one disc and one segment
-STRETCH_EFFORT = 2**6  # half a millisecond: a proof takes some seconds at most; a corner counts as one
-LONGEST_NUMBER = 2**11  # bits
+STRETCH_EFFORT = 2**6  # half a millisecond: a proof takes some seconds at most
 # the poses of longer stretches are not asked for: how hard they are to enclose must not depend on the file
 LONGEST_TURN = fmpq(1)  # rad
 LONGEST_WAY = fmpq(1024)  # m
@@ -76,18 +74,6 @@ class FootprintClaim:
     def __post_init__(self) -> None:
         if not self.radius >= 0:
             raise ValueError(f"clearance: expected a disc whose radius is not negative, got {about(self.radius)} m")
-
-
-@dataclass(frozen=True)
-class HalfPlane:
-    """A direction from the vehicle to the obstacle, of any length, that separates them until θ = `end` (s)."""
-
-    end: fmpq
-    normal: tuple[fmpq, fmpq]
-
-    def __post_init__(self) -> None:
-        if not any(self.normal):
-            raise ValueError("clearance: expected a half-plane with a normal that is not zero")
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,58 +149,29 @@ class Shadow:
         return second + (-kappa).max(zero) * square * square / 24 + abs(self.disc.offset * a) * odd
 
 
-def prove_clearance(
-    pieces: Sequence[Piece],
-    start: ExactPose,
-    shadow: Shadow,
-    obstacle: ObstacleClaim,
-    planes: Sequence[HalfPlane],
-    budget: Budget | None = None,
-) -> None:
-    """Proves that a disc of the body touches the obstacle at no θ of one segment, whatever the deviation in the funnel.
-
-    `pieces` are the segment's, from θ = 0, `start` is its start pose. The first half-plane holds from θ = 0, each of
-    the others from where the one before ended, the last one up to the segment's duration. A budget may be shared by
-    several proofs; without one the proof has its own.
-
-    Raises:
-        ValueError: says what is not as it has to be, or from which θ on it is not proven.
-    """
-    budget = Budget(LARGEST_EFFORT) if budget is None else budget
-    budget.spend(len(pieces) + len(planes) * (STRETCH_EFFORT + len(obstacle.corners)))
-    _check_numbers(pieces, start, shadow, obstacle, planes)
-    duration = _duration(pieces)
-    shadow.check_end(duration)
-    ends = [fmpq(0), *(plane.end for plane in planes)]
-    if ends[-1] != duration or not all(begin < end for begin, end in itertools.pairwise(ends)):
-        raise ValueError(f"clearance: expected half-planes whose ends increase up to {about(duration)} s")
-    for begin, plane in zip(ends, planes, strict=False):
-        start = prove_half_plane(between(pieces, begin, plane.end), start, shadow, obstacle, plane.normal, budget)
-
-
 def prove_half_plane(
-    pieces: Sequence[Piece],
+    piece: Piece,
     start: ExactPose,
     shadow: Shadow,
-    obstacle: ObstacleClaim,
-    normal: tuple[fmpq, fmpq],
+    obstacles: Sequence[ObstacleClaim],
+    normal: tuple[int, int],
     budget: Budget,
-) -> ExactPose:
-    """Proves (1) with one normal all along the pieces, the first of which starts at `start`; the pose where they end.
+) -> None:
+    """Proves (1) for all of the obstacles with one normal, all along a piece that starts at the pose.
 
-    `prove_clearance` looks at the rest: that the numbers are moderately long and few, and the funnel is not empty.
+    Its numbers have to be moderately long, and the funnel not empty.
 
     Raises:
         ValueError: says at which θ it is not proven.
     """
-    nearest = min(normal[0] * x + normal[1] * y for x, y in obstacle.corners)
-    length = arb(normal[0] ** 2 + normal[1] ** 2).sqrt()
-    separation = _Separation(
-        shadow, acb(arb(normal[0]), arb(normal[1])), nearest - (obstacle.round + shadow.disc.radius) * length, budget
+    x, y = map(fmpq, normal)
+    length = arb(x * x + y * y).sqrt()
+    limits = (
+        min(x * cx + y * cy for cx, cy in each.corners) - (each.round + shadow.disc.radius) * length
+        for each in obstacles
     )
-    for piece in pieces:
-        start = separation.after(piece, start, MOST_HALVINGS)
-    return start
+    limit = functools.reduce(arb.min, limits)
+    _Separation(shadow, acb(arb(x), arb(y)), limit, budget).after(piece, start, MOST_HALVINGS)
 
 
 @dataclass(frozen=True)
@@ -273,37 +230,3 @@ def _peak(slope: arb, curvature: arb, half: arb) -> arb:
     if most < 0 and not steepest >= -2 * most * half:
         return steepest * steepest / (-4 * most)
     return (steepest + most * half) * half
-
-
-def _duration(pieces: Sequence[Piece]) -> fmpq:
-    """T of the leg (s)."""
-    if not pieces:
-        raise ValueError("clearance: expected the pieces of a leg, got none")
-    theta = fmpq(0)
-    for piece in pieces:
-        if piece.theta != theta or not piece.duration > 0:
-            raise ValueError("clearance: expected the pieces of a leg, one after the other from theta = 0")
-        theta += piece.duration
-    return theta
-
-
-def _check_numbers(
-    pieces: Sequence[Piece],
-    start: ExactPose,
-    shadow: Shadow,
-    obstacle: ObstacleClaim,
-    planes: Sequence[HalfPlane],
-) -> None:
-    """Raises ValueError for numbers that are too long to compute with."""
-
-    def numbers() -> Iterator[fmpq]:
-        for piece in pieces:
-            yield from (piece.theta, piece.duration, *piece.turn_rate, *piece.speed)
-        for row in (*shadow.shape, *obstacle.corners, *(plane.normal for plane in planes)):
-            yield from row
-        disc = shadow.disc
-        yield from (start.heading, shadow.level.rate, obstacle.round, disc.radius, disc.offset)
-        yield from (plane.end for plane in planes)
-
-    if any(bits(number) > LONGEST_NUMBER for number in numbers()):
-        raise ValueError(f"clearance: expected numbers of at most {LONGEST_NUMBER} bits")

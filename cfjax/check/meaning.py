@@ -79,7 +79,7 @@ def require_body(vehicle: VehicleClaim, dynamics: Symbolic, surroundings: Surrou
     Raises:
         Broken: by an unknown vehicle's dynamics they are not.
     """
-    if surroundings.obstacles and vehicle.name not in KNOWN_VEHICLES and not is_a_body(dynamics, vehicle.states):
+    if not surroundings.is_empty and vehicle.name not in KNOWN_VEHICLES and not is_a_body(dynamics, vehicle.states):
         raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
 
 

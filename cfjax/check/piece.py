@@ -94,6 +94,18 @@ class Piece:
         return evaluate(integral(self.turn_rate), self.duration)
 
     @cached_property
+    def turns(self) -> Range:
+        """Rationals between which the turn since its start stays, in rad."""
+        control = bernstein(integral(self.turn_rate), self.duration)
+        return min(control), max(control)
+
+    @cached_property
+    def way(self) -> fmpq:
+        """Metres that the reference moves at most, forwards and backwards together."""
+        control = bernstein(self.speed, self.duration)
+        return self.length if min(control) >= 0 else max(map(abs, control)) * self.duration
+
+    @cached_property
     def _controls(self) -> tuple[list[fmpq], list[fmpq]]:
         degree = max(len(self.turn_rate), len(self.speed)) - 1
         return bernstein(self.turn_rate, self.duration, degree), bernstein(self.speed, self.duration, degree)

@@ -128,7 +128,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> fmpq:
             for leg in different(claims.legs_of(index)):
                 _check_leg(leg, question, own, effort)
         prove_joints(legs, problem.course.closed, claims.ratios, problem.fastest)
-        if problem.surroundings.obstacles:  # else nobody asks where the path lies
+        if not problem.surroundings.is_empty:  # else nobody asks where the path lies
             prove_surroundings(problem.surroundings, legs, certificate.clearance)
     for index, (question, own) in enumerate(zip(questions, hints, strict=True)):
         try:
@@ -183,7 +183,7 @@ def prove_sets(claims: Claims, finish: fmpq) -> None:
 
 def _require_everywhere(problem: ProblemClaim, bounds: Bounds, model: Model, hints: DecreaseHints) -> None:
     """That the proof is one for every path within the bounds, which has no place."""
-    if problem.surroundings.obstacles:
+    if not problem.surroundings.is_empty:
         raise Broken("condition (c): what has no place clears no obstacle")
     if hints.duration is not None or not bounds.lies_in(model.as_driven(hints.stretches[0].bounds)):
         raise Broken("condition (d): the bounds of the proof are not those of every path that is meant")

@@ -123,5 +123,5 @@ def _check_problem(problem: ProblemClaim) -> tuple[Assumptions | None, Symbolic]
     if problem.method == "tt" and slowest != fastest:
         raise Broken("method: trajectory tracking (tt) has u0 = 1")
     dynamics = dynamics_of(problem.car)
-    rests = problem.is_steady and not problem.is_lap and not problem.surroundings.obstacles
+    rests = problem.is_steady and not problem.is_lap and problem.surroundings.is_empty
     return assumptions_of(problem.vehicle, dynamics, rests), dynamics

@@ -352,16 +352,25 @@ def _safe_box(values: Sequence[fmpq], rounding: str) -> str:
 
 def _obstacles(surroundings: Surroundings) -> tuple[str, ...]:
     """A clause, where there are any."""
-    obstacles, footprint = surroundings
-    discs = " and ".join(f"radius {_down(disc.radius)} m at offset {about(disc.offset)} m" for disc in footprint)
-    count = "one obstacle that stands" if len(obstacles) == 1 else f"{len(obstacles)} obstacles that stand"
-    told = f"clear of {count} in the file, by a footprint of {discs}"
-    return (told,) if obstacles else ()
+    if surroundings.is_empty:
+        return ()
+    discs = " and ".join(
+        f"radius {_down(disc.radius)} m at offset {about(disc.offset)} m" for disc in surroundings.footprint
+    )
+    obstacles, walls = len(surroundings.obstacles), surroundings.walls
+    told = [] if not obstacles else ["one obstacle" if obstacles == 1 else f"{obstacles} obstacles"]
+    if walls:
+        points = sum(len(wall.points) for wall in walls)
+        told.append(f"{'one wall' if len(walls) == 1 else f'{len(walls)} walls'} through {points} points")
+    verb = "stands" if obstacles + len(walls) == 1 else "stand"
+    return (f"clear of {' and '.join(told)} that {verb} in the file, by a footprint of {discs}",)
 
 
 def _kept(problem: ProblemClaim) -> str:
-    """Where the car is said to stay, beside the funnel: in S, and its footprint clear of the obstacles."""
-    clear = ", clear of the obstacles" if problem.surroundings.obstacles else ""
+    """Where the car is said to stay, beside the funnel: in S, and its footprint clear of obstacles and walls."""
+    around = problem.surroundings
+    named = [name for name, some in (("obstacles", around.obstacles), ("walls", around.walls)) if some]
+    clear = f", clear of the {' and '.join(named)}" if named else ""
     return ("" if problem.safe is None else ", inside S") + clear
 
 

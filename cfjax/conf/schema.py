@@ -30,6 +30,7 @@ from cfjax.options import Options, ProofLimits
 INTERVAL = "a number or an interval [lower, upper]"
 BY_STATE = "a number or a list of numbers, one a state"
 DISCS = "a list of discs [radius, offset]"
+CORRIDOR = 'a half-width, {left: …, right: …}, "file" or null'
 OBSTACLES = "a list, like [{disc: [x, y, radius]}]"
 
 
@@ -289,7 +290,8 @@ class SetsConfig:
     inlet: Any = _any_of(BY_STATE, 0.5)  # I, where the car may start: the radius of a ball, or half-axes
     goal: Any = _any_of(BY_STATE, 0.5)  # G, where it has to end, as I; null (of a tube only): none
     safe: Any = _any_of(f"{BY_STATE}, or null", None)  # S, where it has to stay: half-widths; null: no limit
-    obstacles: Any = _any_of(OBSTACLES, [])  # m, what the body must not touch, or {polygon: [[x, y], …]}, convex
+    obstacles: Any = _any_of(OBSTACLES, [])  # m, what the body must not touch, or {polygon: [[x, y], …]}, {wall: …}
+    corridor: Any = _any_of(CORRIDOR, None)  # m, walls left and right of the path; "file": by the widths in its file
 
 
 @dataclass

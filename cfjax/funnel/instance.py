@@ -16,6 +16,7 @@ from jaxtyping import Array
 from cfjax.funnel.template import Template
 from cfjax.problem import Path, Problem, ReferencePoint, Segment, Tube, disc_centres, distances, mirror_signs
 from cfjax.problem.input_box import InputBox
+from cfjax.problem.obstacles import Obstacle, Wall, convex_parts
 from cfjax.problem.vehicle import Interval, Scalar
 
 
@@ -232,14 +233,13 @@ def _clearance(problem: Problem, kind: int) -> Clearance:
         poses = segment.poses(theta)
         lateral = np.stack([np.cos(poses[:, 0]), np.sin(poses[:, 0])], axis=1)
         forward = np.stack([-lateral[:, 1], lateral[:, 0]], axis=1)
-        for obstacle in problem.obstacles:
-            corners = np.array(obstacle.corners)
+        for obstacle in convex_parts(problem.obstacles):
             for disc, (radius, centres) in zip(problem.footprint, disc_centres(problem.footprint, poses), strict=True):
                 _, nearest = distances(obstacle, centres)
                 way = nearest - centres
                 angle = np.arctan2(way[:, 1], way[:, 0])[:, None] + DIRECTIONS[None, :]
                 normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)  # (p, d, 2), towards the obstacle
-                support = np.einsum("pdi,ci->pdc", normal, corners).min(axis=2) - obstacle.round
+                support = _support(obstacle, normal, nearest)
                 gap = support - np.einsum("pdi,pi->pd", normal, centres) - radius
                 sideways = np.einsum("pdi,pi->pd", normal, lateral)
                 reach = np.zeros((PLACES, fan, size))
@@ -248,3 +248,11 @@ def _clearance(problem: Problem, kind: int) -> Clearance:
                 reach[..., 2] = np.einsum("pdi,pi->pd", normal, forward)
                 found.append((theta, gap, reach, np.full(PLACES, 0.5 * abs(disc.offset))))
     return Clearance(*(np.concatenate(each) for each in zip(*found, strict=True)))
+
+
+def _support(obstacle: Obstacle, normal: np.ndarray, nearest: np.ndarray) -> np.ndarray:
+    """n·p of what the obstacle has nearest along normals (p, d, 2); of a wall its nearest point at each place alone."""
+    if isinstance(obstacle, Wall):
+        return np.einsum("pdi,pi->pd", normal, nearest)
+    (hull,) = obstacle.hulls
+    return np.einsum("pdi,ci->pdc", normal, np.array(hull.corners)).min(axis=2) - hull.round

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cfjax.lazy import on_first_use
 from cfjax.problem.deviation import affine_along, affine_deviation, deviation_rate, feedforward, to_deviation, to_state
 from cfjax.problem.frames import Frame, RosPose, deviation_from_ros, deviation_to_ros, pose_from_ros, pose_to_ros
-from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, disc_centres, distances
+from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, Wall, disc_centres, distances
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
 from cfjax.problem.sets import Box, Ellipsoid, ball
@@ -44,6 +44,7 @@ __all__ = [
     "Tube",
     "Twist",
     "Vehicle",
+    "Wall",
     "affine_along",
     "affine_deviation",
     "ball",

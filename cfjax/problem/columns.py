@@ -64,6 +64,7 @@ _NOT_DRIVEN = _words(  # speeds of something else, or numbers that are no speeds
     "y z vy vz lateral lat angular yaw turn rotation wheel engine wind err error std sigma var acc accuracy min factor "
     "ratio scale"
 )
+_WIDTH_WORDS = _words("w width tr track bound boundary border edge distance dist d")
 _NO_PLACES = _words(  # components of something else
     "v vel velocity speed a acc accel acceleration jerk j d dot delta n normal normvec normals t tangent dir direction "
     "q quat quaternion orientation twist angular linear rate w omega force f std sigma cov var err error e grad size "
@@ -81,6 +82,9 @@ class Meaning(NamedTuple):
     units: bool  # whether x and y say theirs
     speed_unit: bool  # whether the speed does, if there is one
     named: bool = True
+    widths: tuple[int, int] | None = None  # columns of the half-widths to the left and to the right
+    width_factors: tuple[float, float] = (1.0, 1.0)
+    width_names: tuple[str, ...] = ()
 
 
 class _Name(NamedTuple):
@@ -122,9 +126,24 @@ def meaning_of(names: Sequence[str]) -> Meaning | None:
             )
     chosen: tuple[int, int, int | None] = (*pair, speed)
     used = tuple(parsed[index].text for index in chosen if index is not None)
-    unused = tuple(name.text for index, name in enumerate(parsed) if index not in chosen and name.words)
+    widths = _widths(parsed)
+    others = (name for index, name in enumerate(parsed) if index not in (*chosen, *widths))
+    unused = tuple(name.text for name in others if name.words)
     says = speed is None or parsed[speed].unit is not None
-    return Meaning(chosen, (scales[0], scales[1], fast), used, unused, x.unit is not None, says)
+    wide = tuple(
+        scales[0] if parsed[k].unit is None else _factor(parsed[k], LENGTHS, "a length", _SHOWN) for k in widths
+    )
+    return Meaning(
+        chosen,
+        (scales[0], scales[1], fast),
+        used,
+        unused,
+        x.unit is not None,
+        says,
+        widths=(widths[0], widths[1]) if widths else None,
+        width_factors=(wide[0], wide[1]) if widths else (1.0, 1.0),
+        width_names=tuple(parsed[index].text for index in sorted(widths)),
+    )
 
 
 def meaning_by_place(table: Float[np.ndarray, "n columns"], plain: bool) -> Meaning:
@@ -297,6 +316,17 @@ def _speed(parsed: list[_Name]) -> int | None:
             "along the map: name the one along the body speed, or take both out"
         )
     return found[0]
+
+
+def _widths(parsed: list[_Name]) -> tuple[int, ...]:
+    """The columns of half-widths, left and right: `w_tr_left_m`, `width_right`; none where not both are there."""
+    found = []
+    for side in ("left", "right"):
+        named = [i for i, name in enumerate(parsed) if side in name.words and set(name.words) & _WIDTH_WORDS]
+        if len(named) != 1:
+            return ()
+        found += named
+    return tuple(found)
 
 
 # --- columns without names

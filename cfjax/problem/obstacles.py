@@ -1,10 +1,15 @@
-"""What the vehicle must not touch: discs and convex polygons in the plane, and the discs that stand for its body.
+"""What the vehicle must not touch: discs, polygons and walls in the plane, and the discs that stand for its body.
+
+All of it are hulls: corners, grown by a radius. A disc is one corner, a polygon one hull or several, a wall as many as
+it has edges.
 
 Lengths in m, inertial frame. The safe set that follows is S = {x : (footprint at the pose) ∩ (every obstacle) = ∅}.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +21,15 @@ from cfjax.errors import InputError
 
 
 PARALLEL = 1e-12  # relative area below which corners lie on a line
+MOST_CORNERS = 32  # of a convex polygon that is one hull; one with more is split too
 FARTHEST = 1e8  # m from the origin, more than twice round the earth: beyond, squares of coordinates lose all digits
+
+
+class Hull(NamedTuple):
+    """The hull of corners (m), counter-clockwise, grown by `round` (m)."""
+
+    corners: tuple[tuple[float, float], ...]
+    round: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -40,21 +53,22 @@ class Disc:
         keep(self, x=x, y=y, radius=radius)
 
     @property
-    def corners(self) -> tuple[tuple[float, float], ...]:
-        """The points whose hull, grown by `round`, is the obstacle."""
-        return ((self.x, self.y),)
+    def hulls(self) -> tuple[Hull, ...]:
+        """One."""
+        return (Hull(((self.x, self.y),), self.radius),)
 
     @property
-    def round(self) -> float:
-        return self.radius
+    def shape(self) -> shapely.Geometry:
+        """Its centre: distances are counted from there."""
+        return shapely.Point(self.x, self.y)
 
 
 @dataclass(frozen=True)
 class Polygon:
-    """A convex polygon: corners [x, y] in m, in order, either way round, each of them a corner of the hull.
+    """A polygon: corners [x, y] in m, in order, either way round. Where it is not convex it is split into triangles.
 
     Raises:
-        InputError: for less than three corners, numbers that are not finite, and what is not convex.
+        InputError: for less than three corners, numbers that are not finite, and edges that cross each other.
     """
 
     corners: tuple[tuple[float, float], ...]
@@ -67,21 +81,62 @@ class Polygon:
         keep(self, corners=tuple(numbers("sets.obstacles", row, expected, count=2) for row in rows))
         for corner in self.corners:
             _near("sets.obstacles", corner)
-        given = shapely.Polygon(self.corners)
-        hull = given.convex_hull
-        if not given.is_valid or given.area < (1 - PARALLEL) * hull.area or hull.area <= 0:
+        if not self.shape.is_valid or self.shape.area <= PARALLEL * self.shape.length**2:
+            crossing = shapely.is_valid_reason(self.shape).lower().replace("[", " at (").replace("]", ") m")
+            why = "its corners lie on a line" if self.shape.is_valid else crossing
             raise InputError(
-                f"sets.obstacles: expected a convex polygon, its corners in order, got {shown(self.corners)}; several "
-                "convex ones make any other"
+                f"sets.obstacles: expected a polygon, its corners in order, got {shown(self.corners)}: {why}"
             )
 
+    @cached_property
+    def shape(self) -> shapely.Polygon:
+        """It, for a geometry library."""
+        return shapely.Polygon(self.corners)
+
+    @cached_property
+    def hulls(self) -> tuple[Hull, ...]:
+        """Convex parts of it, which have its own corners: one where it is convex itself."""
+        if len(self.corners) <= MOST_CORNERS and self.shape.area >= (1 - PARALLEL) * self.shape.convex_hull.area:
+            return (_hull(self.shape),)
+        return tuple(map(_hull, shapely.constrained_delaunay_triangles(self.shape).geoms))
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A polyline through two points [x, y] or more, in m, that nothing crosses; a closed one ends where it begins.
+
+    Raises:
+        InputError: for less than two points that differ, and numbers that are not finite.
+    """
+
+    points: tuple[tuple[float, float], ...]
+
+    def __init__(self, points: Numbers | np.ndarray) -> None:
+        rows = array("wall", points, (None, 2))
+        if len(rows) < 2 or np.ptp(rows, axis=0).max() == 0:
+            refuse("wall", "at least two points [x, y] that differ", points)
+        _near("wall", rows[np.abs(rows).max(axis=1).argmax()].tolist())
+        differ = np.append(True, (np.diff(rows, axis=0) != 0).any(axis=1))
+        keep(self, points=tuple((x, y) for x, y in rows[differ].tolist()))
+
+    @cached_property
+    def shape(self) -> shapely.LineString:
+        """It, for a geometry library."""
+        return shapely.LineString(self.points)
+
     @property
-    def round(self) -> float:
-        return 0.0
+    def hulls(self) -> tuple[Hull, ...]:
+        """Its edges."""
+        return tuple(map(Hull, itertools.pairwise(self.points)))
 
 
-Obstacle = Disc | Polygon
-"""What the footprint must not touch: a disc or a convex polygon, fixed in the plane."""
+def _hull(shape: shapely.Geometry) -> Hull:
+    ring = shapely.get_coordinates(shapely.orient_polygons(shape))[:-1]
+    return Hull(tuple((x, y) for x, y in ring.tolist()))
+
+
+Obstacle = Disc | Polygon | Wall
+"""What the footprint must not touch: a disc, a polygon or a wall, fixed in the plane."""
 
 
 class FootprintDisc(NamedTuple):
@@ -91,8 +146,18 @@ class FootprintDisc(NamedTuple):
     offset: float = 0.0
 
 
+def convex_parts(obstacles: Sequence[Obstacle]) -> list[Obstacle]:
+    """The same, with polygons that are not convex in parts that are; walls as they are."""
+    found: list[Obstacle] = []
+    for each in obstacles:
+        split = isinstance(each, Polygon) and len(each.hulls) > 1
+        found += [Polygon(hull.corners) for hull in each.hulls] if split else [each]
+    return found
+
+
 def obstacles_of(value: object) -> tuple[Obstacle, ...]:
-    """A list of obstacles, or of what a configuration says of them: {disc: [x, y, radius]}, {polygon: [[x, y], …]}.
+    """A list of obstacles, or of what a configuration says of them: {disc: [x, y, radius]},
+    {polygon: [[x, y], …]}, {wall: [[x, y], …]}.
 
     Raises:
         InputError: for anything else.
@@ -104,7 +169,7 @@ def obstacles_of(value: object) -> tuple[Obstacle, ...]:
 
 
 def _obstacle(entry: object) -> Obstacle:
-    if isinstance(entry, Disc | Polygon):
+    if isinstance(entry, Disc | Polygon | Wall):
         return entry
     (kind, shape), *more = entry.items() if isinstance(entry, Mapping) and entry else [("", None)]
     parts = None if more else listed(shape)
@@ -112,7 +177,10 @@ def _obstacle(entry: object) -> Obstacle:
         return Disc(*parts)
     if kind == "polygon" and parts is not None and all(len(listed(row) or ()) == 2 for row in parts):
         return Polygon(parts)
-    return refuse("sets.obstacles", "entries {disc: [x, y, radius]} or {polygon: [[x, y], ...]}", entry)
+    if kind == "wall" and parts is not None and all(len(listed(row) or ()) == 2 for row in parts):
+        return Wall(parts)
+    expected = "entries {disc: [x, y, radius]}, {polygon: [[x, y], ...]} or {wall: [[x, y], ...]}"
+    return refuse("sets.obstacles", expected, entry)
 
 
 def _near(name: str, given: Sequence[float]) -> None:
@@ -149,16 +217,18 @@ def distances(
     Raises:
         InputError: for what is no obstacle, or no points.
     """
-    if not isinstance(obstacle, Disc | Polygon):
-        refuse("obstacle", "a Disc or a Polygon, such as cfjax.problem.Disc(x, y, radius)", obstacle)
+    if not isinstance(obstacle, Disc | Polygon | Wall):
+        refuse("obstacle", "a Disc, a Polygon or a Wall, such as cfjax.problem.Disc(x, y, radius)", obstacle)
     points = array("points", points, (None, 2))
     _near("points", points[np.abs(points).max(axis=1).argmax()].tolist())
-    shape = shapely.Point(obstacle.corners[0]) if isinstance(obstacle, Disc) else shapely.Polygon(obstacle.corners)
-    lines = shapely.shortest_line(shapely.points(points), shape)
-    nearest = shapely.get_coordinates(lines)[1::2]
+    round_ = obstacle.radius if isinstance(obstacle, Disc) else 0.0
+    shape = obstacle.shape
+    shapely.prepare(shape)
+    lines = shapely.shortest_line(shape, shapely.points(points))
+    nearest = shapely.get_coordinates(lines)[::2]
     apart = np.linalg.norm(points - nearest, axis=1)
     toward = (points - nearest) / np.where(apart > 0, apart, 1.0)[:, None]
-    return np.maximum(apart - obstacle.round, 0.0), nearest + obstacle.round * toward
+    return np.maximum(apart - round_, 0.0), nearest + round_ * toward
 
 
 def disc_centres(

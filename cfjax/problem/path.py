@@ -8,7 +8,7 @@ at rate u0 along the clock.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 SHORTEST, LONGEST = 1e-6, 1e8  # m: a path's lengths and radii lie between
 SLOWEST = 1e-6  # m/s
 MEETS = 1e-9  # rad, m and m/s: what is left of them in floating point where one stretch joins another
+
+
+Edges = tuple[tuple[tuple[float, float], ...], ...]
+"""Points (m) of a left and of a right edge."""
 
 
 class Pose(NamedTuple):
@@ -207,7 +211,7 @@ class Segment:
         """Reference poses (α_r in rad, x_r, y_r in m) at increasing θ (s), by Gauss–Legendre quadrature."""
         heading = self.turn_rate.integrals
         grid = np.unique(np.concatenate([[0.0], theta, self.turn_rate.breaks, self.speed.breaks]))
-        nodes, weights = np.polynomial.legendre.leggauss(12)
+        nodes, weights = _quadrature()
         half = 0.5 * np.diff(grid)[:, None]
         at = grid[:-1, None] + half * (1 + nodes)
         alpha = self.start.alpha + heading(at)
@@ -219,6 +223,12 @@ class Segment:
         return np.stack([self.start.alpha + heading(theta), x[index], y[index]], axis=-1)
 
 
+@cache
+def _quadrature() -> tuple[Float[np.ndarray, " 12"], Float[np.ndarray, " 12"]]:
+    """Nodes in [−1, 1], and weights."""
+    return np.polynomial.legendre.leggauss(12)
+
+
 @dataclass(frozen=True)
 class Path:
     """A named chain of segments, or a tube alone: every path within its bounds.
@@ -228,6 +238,7 @@ class Path:
         segments: in the order in which they are driven; each begins at the pose where the one before ends.
         source: how the points that it was made of were taken, in one line.
         doubt: why they may be in another unit, in one line; empty where nothing speaks for it.
+        edges: points (m) of the left and of the right edge beside it, where its file has widths; None: it has none.
 
     Raises:
         InputError: for what are no segments, and for none.
@@ -237,14 +248,23 @@ class Path:
     segments: tuple[Segment | Tube, ...]
     source: str = field(compare=False)
     doubt: str = field(compare=False)
+    edges: Edges | None = field(compare=False)
 
-    def __init__(self, name: str, segments: Sequence[Segment | Tube], source: str = "", doubt: str = "") -> None:
+    def __init__(
+        self,
+        name: str,
+        segments: Sequence[Segment | Tube],
+        source: str = "",
+        doubt: str = "",
+        edges: Edges | None = None,
+    ) -> None:
         keep(
             self,
             name=text("name of a path", name),
             segments=instances("segments of a path", segments, Segment, Tube),
             source=text("source of a path", source),
             doubt=text("doubt about a path", doubt),
+            edges=edges,
         )
         if not self.segments:
             raise InputError(f"path {self.name}: expected at least one segment, got none")

@@ -17,7 +17,7 @@ from cfjax import coerce
 from cfjax.coerce import Number
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve, path_along
-from cfjax.problem.path import Path, length_of, speed_of
+from cfjax.problem.path import Edges, Path, length_of, speed_of
 from cfjax.problem.point_curve import Limits, Rough, check_bends, curve_through, samples
 from cfjax.problem.point_speed import looked_at, slowed, speed_along, speed_cap
 from cfjax.problem.points import LONGEST, Points, Source, at, metres, read_points
@@ -145,7 +145,18 @@ def _path(route: Route, limits: Limits, segment_length: float | None, smoothing:
     except InputError as error:
         raise Rough(f"{points.source}: {error}") from None
     path = slowed(path, cap, limits.lateral, limits.thrust)
-    return replace(path, source=_account(route, path, curve, limits, smoothing), doubt=_large(route, curve, limits))
+    source, doubt = _account(route, path, curve, limits, smoothing), _large(route, curve, limits)
+    return replace(path, source=source, doubt=doubt, edges=_edges(points, curve, knots))
+
+
+def _edges(points: Points, curve: Curve, knots: np.ndarray) -> Edges | None:
+    """The points of the edges beside the points, where these have widths."""
+    if points.widths is None:
+        return None
+    direction = curve.first(knots[: len(points.place)])
+    left = 1j * direction / np.abs(direction)
+    beside = (points.place + left * points.widths[:, 0], points.place - left * points.widths[:, 1])
+    return tuple(tuple((x, y) for x, y in np.stack([edge.real, edge.imag], axis=1).tolist()) for edge in beside)
 
 
 # --- what is said of the points
@@ -171,7 +182,10 @@ def _account(route: Route, path: Path, curve: Curve, limits: Limits, smoothing: 
         said[3] += " (no speed is given)"
     unused = [*meaning.unused[:6], *(["…"] if len(meaning.unused) > 6 else [])]
     name = File(points.source).name if points.in_file else points.source
-    return f"{name}: {', '.join(said)}" + (f"; {', '.join(unused)} not used" if unused else "")
+    account = f"{name}: {', '.join(said)}"
+    if wide := points.meaning.width_names:
+        account += f"; {', '.join(wide)} used with sets.corridor=file only"
+    return account + (f"; {', '.join(unused)} not used" if unused else "")
 
 
 def _moving(points: Points, least: float | None) -> Points:

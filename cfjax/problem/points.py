@@ -39,6 +39,7 @@ class Points(NamedTuple):
     speed: Float[np.ndarray, " n"] | None  # m/s
     meaning: Meaning
     in_file: bool
+    widths: Float[np.ndarray, "n 2"] | None = None  # m, to the left and to the right edge
 
     def at(self, index: int) -> str:
         """The name of a point, for messages."""
@@ -46,7 +47,8 @@ class Points(NamedTuple):
 
     def chosen(self, index: np.ndarray) -> "Points":
         speed = None if self.speed is None else self.speed[index]
-        return self._replace(row=self.row[index], place=self.place[index], speed=speed)
+        widths = None if self.widths is None else self.widths[index]
+        return self._replace(row=self.row[index], place=self.place[index], speed=speed, widths=widths)
 
 
 def read_points(source: Source, columns: Sequence[str] | None = None) -> Points:
@@ -96,8 +98,11 @@ def _of_file(file: File, columns: Sequence[str] | None) -> Points:
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith((str(file), "path.")) else f"{file}: {text}") from None
-    values = _values(file, table, meaning.columns)
-    return _points(str(file), np.array(table.numbers), values, meaning, True)
+    points = _points(str(file), np.array(table.numbers), _values(file, table, meaning.columns), meaning, True)
+    if meaning.widths is None:
+        return points
+    widths = _values(file, table, (*meaning.widths, None), ("the left width", "the right width"))
+    return points._replace(widths=widths * np.array(meaning.width_factors))
 
 
 def _named(table: Table, columns: Sequence[str] | None) -> Meaning | None:
@@ -186,9 +191,11 @@ def _look_for_units(table: Table, meaning: Meaning, header: Line | None = None) 
             )
 
 
-def _values(file: File, table: Table, columns: tuple[int, int, int | None]) -> Float[np.ndarray, "n columns"]:
+def _values(
+    file: File, table: Table, columns: tuple[int, int, int | None], names: tuple[str, ...] = ("x", "y", "speed")
+) -> Float[np.ndarray, "n columns"]:
     """The numbers of x, y and, where there is such a column, speed."""
-    labels = [(label, column) for label, column in zip(("x", "y", "speed"), columns, strict=True) if column is not None]
+    labels = [(label, column) for label, column in zip(names, columns, strict=False) if column is not None]
     found = np.empty((len(table.rows), len(labels)))
     for index, (line, row) in enumerate(zip(table.numbers, table.rows, strict=True)):
         for place, (label, column) in enumerate(labels):
@@ -207,7 +214,7 @@ def _values(file: File, table: Table, columns: tuple[int, int, int | None]) -> F
 
 def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
     """Rows x, y and perhaps speed; what has columns by name is read by them."""
-    by_name = _columns_of(source)
+    by_name, wide = _columns_of(source), None
     if by_name is None:
         table = _array(source)
         table = as_rows(table) if np.iscomplexobj(table) and table.ndim == 1 else table
@@ -219,6 +226,9 @@ def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
     names = list(columns if columns is not None else by_name or ())
     meaning = None if all(name.isdecimal() for name in names) else _of_names(names)
     chosen = range(width) if meaning is None else [column for column in meaning.columns if column is not None]
+    if meaning is not None and meaning.widths:
+        every = list(by_name.values()) if by_name is not None else list(_array(source).T)
+        wide = _array([every[column] for column in meaning.widths]).T * np.array(meaning.width_factors)
     if by_name is not None:
         parts = list(by_name.values())
         table = _array([parts[column] for column in chosen]).T
@@ -231,7 +241,7 @@ def _of_memory(source: Any, columns: Sequence[str] | None) -> Points:
             f"points: expected the name of a file, rows x, y or x, y, speed, or columns by name; got "
             f"{type(source).__name__} of shape {table.shape}{hint}"
         )
-    return _in_memory(table, meaning)
+    return _in_memory(table, meaning)._replace(widths=wide)
 
 
 def _columns_of(source: Any) -> dict[str, Any] | None:

@@ -2,10 +2,9 @@
 
 import enum
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ from jaxtyping import Array, Float
 from cfjax import coerce
 from cfjax.coerce import Number, Numbers
 from cfjax.errors import InputError
+from cfjax.problem.corridor import walls_of
 from cfjax.problem.deviation import (
     FEW,
     ReferencePoint,
@@ -23,14 +23,14 @@ from cfjax.problem.deviation import (
     feedforward,
     in_batches,
 )
-from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances, footprint_of, obstacles_of
+from cfjax.problem.obstacles import FootprintDisc, Obstacle, footprint_of, obstacles_of
 from cfjax.problem.path import Path
+from cfjax.problem.room import nearest, require_clear
 from cfjax.problem.sets import Box, Ellipsoid, box, ellipsoid
 from cfjax.problem.tube import Tube
 from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Vehicle, interval
 
 
-POSES = 401  # per segment, at which the reference's distance from obstacles is looked at
 TIMING = Interval(0.5, 2.0)  # of u0, unless somebody says another
 FOLLOWS = 1e-9  # relative: inputs that leave less than this of the reference's rate hold the vehicle on it
 PLACES = 201  # per segment, at which what the reference needs is looked at
@@ -50,17 +50,6 @@ class Method(enum.Enum):
     def words(self) -> str:
         """The method in words, with its letters."""
         return {"pf": "path following (PF)", "tt": "trajectory tracking (TT)"}[self.value]
-
-
-class _Near(NamedTuple):
-    """Where a disc of the body, of that radius (m), comes nearest to an obstacle; `room` is what is between them, m."""
-
-    segment: int
-    theta: float  # s
-    place: tuple[float, float]  # m
-    obstacle: int
-    radius: float
-    room: float
 
 
 @dataclass(frozen=True)
@@ -93,6 +82,9 @@ class Problem:
         method: "pf", path following, with the timing u0 free; "tt", trajectory tracking, with u0 = 1.
         timing: the interval of u0 for "pf", [lower, upper] around 1, seconds of reference time per second of the clock;
             "tt" has none to choose.
+        corridor: S too: walls left and right of the path, which become obstacles (`cfjax.problem.corridor.walls_of`): a
+            half-width (m), {"left": …, "right": …} with half-widths, points or files of points, or "file" for the
+            widths in the path's own file.
         authority: how far a law may go from what the reference needs towards the inputs' limits, above 0 and at most 1.
 
     Raises:
@@ -123,6 +115,7 @@ class Problem:
         method: Method | str = Method.PF,
         timing: Interval | Numbers = TIMING,
         authority: Number = 1.0,
+        corridor: object = None,
     ) -> None:
         states = coerce.instance("vehicle", vehicle, Vehicle).state_names
         coerce.keep(
@@ -131,7 +124,7 @@ class Problem:
             inlet=ellipsoid("sets.inlet", inlet, states),
             goal=None if goal is None else ellipsoid("sets.goal", goal, states),
             safe=None if safe is None else box("sets.safe", safe, states),
-            obstacles=obstacles_of(obstacles),
+            obstacles=(*obstacles_of(obstacles), *walls_of(corridor, path)),
             footprint=footprint_of(footprint),
             vehicle=vehicle,
             method=coerce.choice("method", method, Method),
@@ -319,33 +312,15 @@ class Problem:
                 f"sets.obstacles: expected none for the vehicle {self.vehicle.name}, which looks "
                 f"{self.side_slip:.4g} rad away from the path's tangent"
             )
-        for near in self._nearest():
-            if near.room <= 0:
-                (x, y), radius = near.place, near.radius
-                raise InputError(
-                    f"path: segment {near.segment} at theta = {near.theta:.4g} s, ({x:.4g}, {y:.4g}) m, comes within "
-                    f"{near.room + radius:.4g} m of obstacle {near.obstacle}; expected more than the vehicle's radius "
-                    f"there, {radius:g} m"
-                )
+        require_clear(self.path, self.obstacles, self.footprint)
 
     @cached_property
     def room(self) -> float:
         """The least distance (m) from the body to an obstacle while the vehicle is on its reference; inf without one.
 
-        Looked at in POSES places of each segment.
+        Looked at in places of each segment (`cfjax.problem.room`).
         """
-        return min((near.room for near in self._nearest()), default=np.inf)
-
-    def _nearest(self) -> Iterator["_Near"]:
-        """Where each disc of the body comes nearest to each obstacle, segment by segment."""
-        for index, segment in enumerate(self.path.curve if self.obstacles else ()):
-            theta = np.linspace(0.0, segment.duration, POSES)
-            for number, obstacle in enumerate(self.obstacles):
-                for radius, centres in disc_centres(self.footprint, segment.poses(theta)):
-                    apart, _ = distances(obstacle, centres)
-                    worst = int(np.argmin(apart))
-                    place = float(centres[worst, 0]), float(centres[worst, 1])
-                    yield _Near(index, float(theta[worst]), place, number, radius, float(apart[worst] - radius))
+        return min((near.room for near in nearest(self.path, self.obstacles, self.footprint)), default=np.inf)
 
     def _excess(self, point: ReferencePoint) -> str:
         """The input that leaves its limits where the vehicle follows this reference without deviation; or nothing."""

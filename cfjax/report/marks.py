@@ -44,6 +44,8 @@ class Kind:
 FUNNEL = Kind("funnel", EDGE_COLOUR, fill=FUNNEL_COLOUR)
 TUBE = replace(FUNNEL, label="tube")
 BODY = Kind("reach of the body", BODY_EDGE_COLOUR, 0.8, fill=BODY_COLOUR)
+WALL = Kind("wall", OBSTACLE_COLOUR, 1.2)
+CLOSEST = Kind("closest approach", GOAL_COLOUR, 2.0)
 OBSTACLE = Kind("obstacle", OBSTACLE_COLOUR, 0.0, fill=OBSTACLE_COLOUR)
 REFERENCE = Kind("reference", REFERENCE_COLOUR, 0.9, "dash")
 ONE_PATH = replace(REFERENCE, label="one of the paths")

@@ -18,6 +18,7 @@ from cfjax.report.marks import (
     BODY,
     CAR_STARTS,
     CARS,
+    CLOSEST,
     EARLIER_END,
     END,
     FAILED,
@@ -29,6 +30,7 @@ from cfjax.report.marks import (
     OBSTACLE,
     REFERENCE,
     START,
+    WALL,
     WORST,
     Axis,
     Kind,
@@ -132,7 +134,7 @@ def obstacle_region(obstacle: Obstacle) -> shapely.Geometry:
     """The obstacle as a shape, m."""
     if isinstance(obstacle, Disc):
         return shapely.buffer(shapely.Point(obstacle.x, obstacle.y), obstacle.radius, quad_segs=48)
-    return shapely.Polygon(obstacle.corners)
+    return obstacle.shape
 
 
 def positions(poses: Poses, x: Float[np.ndarray, "t n"]) -> Points:
@@ -186,9 +188,13 @@ class Plane:
     def panel(self, ways: Sequence[Points]) -> Panel:
         """All of it, with the ways of cars (m, inertial frame)."""
         x0, x1, y0, y1 = self.view(ways)
-        obstacles = shapely.intersection(shapely.union_all(self.obstacles), shapely.box(x0, y0, x1, y1))
+        seen = shapely.intersection(np.array(self.obstacles, object), shapely.box(x0, y0, x1, y1))
+        areas = [each for each in seen if each.area > 0]
+        obstacles = shapely.union_all(areas)
+        lines = [part for each in seen for part in shapely.get_parts(each) if isinstance(part, shapely.LineString)]
         marks = [Lines(kind, rings_of(shape)) for kind, shape in ((BODY, self.body), (FUNNEL, self.funnel))]
-        marks += [Lines(OBSTACLE, rings_of(obstacles)), Lines(CARS, ways, each="car")]
+        marks += [Lines(OBSTACLE, rings_of(obstacles)), Lines(WALL, [np.asarray(line.coords) for line in lines])]
+        marks += [*self._closest(), Lines(CARS, ways, each="car")]
         marks += [Lines(CAR_STARTS, [way[:1] for way in ways]), Lines(REFERENCE, [self.line], [self.theta])]
         if self.starts:
             few = len(self.starts) <= MOST_RINGS
@@ -199,6 +205,13 @@ class Plane:
         marks += self._worst()
         across, up = Axis("x (m)", (x0, x1)), Axis("y (m)", (y0, y1))
         return Panel("plane", across, up, tuple(marks), equal=True)
+
+    def _closest(self) -> list[Lines]:
+        """Where what the body may reach comes nearest to what is beside it."""
+        if not self.obstacles or self.body.is_empty:
+            return []
+        line = shapely.shortest_line(self.body, shapely.GeometryCollection(self.obstacles))
+        return [Lines(CLOSEST, [np.asarray(line.coords)])] if line.length > 0 else []
 
     def _failed(self) -> list[Lines]:
         if (failed := self.result.failed_at) is None:

@@ -11,7 +11,7 @@ from cfjax.check.amounts import SHARE
 from cfjax.check.containment import half_widths
 from cfjax.check.rational import float_below
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Tube
+from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Tube, Wall
 from cfjax.problem.vehicle import numbers_of
 from cfjax.report.files import (
     versions,
@@ -64,6 +64,8 @@ def _obstacle_json(obstacle: Obstacle) -> dict[str, Any]:
     """As in the configuration."""
     if isinstance(obstacle, Disc):
         return {"disc": [obstacle.x, obstacle.y, obstacle.radius]}
+    if isinstance(obstacle, Wall):
+        return {"wall": [list(point) for point in obstacle.points]}
     return {"polygon": [list(corner) for corner in obstacle.corners]}
 
 

@@ -1,14 +1,13 @@
 """How far the vehicle's body is from obstacles, for many cars at once: the formulas of `cfjax.problem.obstacles`, which
 asks a geometry library, once more in arrays.
 
-An obstacle is the hull of its corners grown by a radius; a disc is one corner.
+Obstacles are taken apart into hulls: corners grown by a radius.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from cfjax.problem import FootprintDisc, Obstacle
@@ -26,18 +25,13 @@ class Surroundings(NamedTuple):
 
 def surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> Surroundings:
     """At least one obstacle and one disc."""
-    longest = max(len(obstacle.corners) for obstacle in obstacles)
-    corners = []
-    for obstacle in obstacles:
-        own = np.array(obstacle.corners)
-        after = np.roll(own, -1, axis=0)
-        if (own[:, 0] * after[:, 1] - own[:, 1] * after[:, 0]).sum() < 0:
-            own = own[::-1]
-        corners.append(np.concatenate([own, np.repeat(own[-1:], longest - len(own), axis=0)]))
+    hulls = [hull for obstacle in obstacles for hull in obstacle.hulls]
+    longest = max(len(hull.corners) for hull in hulls)
+    corners = ([*hull.corners, *hull.corners[-1:] * (longest - len(hull.corners))] for hull in hulls)
     return Surroundings(
-        jnp.asarray(np.stack(corners)),
-        jnp.array([float(obstacle.round) for obstacle in obstacles]),
-        jnp.array([len(obstacle.corners) > 1 for obstacle in obstacles]),
+        jnp.array(list(corners), float),
+        jnp.array([float(hull.round) for hull in hulls]),
+        jnp.array([len(hull.corners) > 2 for hull in hulls]),
         jnp.array([float(disc.radius) for disc in footprint]),
         jnp.array([float(disc.offset) for disc in footprint]),
     )

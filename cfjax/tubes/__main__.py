@@ -21,10 +21,20 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--acceleration", type=float, default=1.0, metavar="M/S²", help="the most (1)")
     parser.add_argument("--smoothing", type=float, default=0.0, metavar="M", help="how far the curve may be off (0)")
     parser.add_argument("--lap", action="store_true", default=None, help="it is one, though its ends do not meet")
+    parser.add_argument(
+        "--corridor",
+        nargs="+",
+        metavar="M",
+        help="half-widths left and right (or one for both), two files of points, or: file, for the widths in POINTS",
+    )
+    parser.add_argument(
+        "--footprint", nargs=2, type=float, action="append", metavar=("R", "OFFSET"), help="a disc of the body (0.25 0)"
+    )
     parser.add_argument("--certificate", type=Path, metavar="FILE", help="where the proof goes")
     given = parser.parse_args(arguments)
 
     from cfjax.errors import InputError
+    from cfjax.problem.obstacles import FootprintDisc
     from cfjax.problem.point_path import waypoints
     from cfjax.tubes import follow, write_chain
 
@@ -40,7 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(path.source)
         if path.doubt:
             print(f"warning: {path.doubt}", file=sys.stderr)
-        found = follow(path, closed=path.closed)
+        body = given.footprint or [FootprintDisc()]
+        found = follow(path, closed=path.closed, corridor=_corridor(given.corridor), footprint=body)
         print(found)
         if given.certificate:
             write_chain(found, given.certificate)
@@ -52,6 +63,21 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error.filename}: cannot be read or written ({error.strerror})", file=sys.stderr)
         return 2
     return 0
+
+
+def _corridor(given: list[str] | None) -> object:
+    """What `follow` takes, of words: a number each, else a name."""
+
+    def meant(word: str) -> float | str:
+        try:
+            return float(word)
+        except ValueError:
+            return word
+
+    words = None if given is None else [meant(word) for word in given]
+    if words is None or len(words) == 1:
+        return words and words[0]
+    return dict(zip(("left", "right", *map(str, range(len(words)))), words, strict=False))
 
 
 if __name__ == "__main__":

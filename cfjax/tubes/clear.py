@@ -1,25 +1,26 @@
 """Tubes beside obstacles: which of them, and where along the path, leave the body room."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
-from cfjax.certificate.clearance import NotClear, find_clearance, least_clearances, samples_along
-from cfjax.check.clearance import Shadow
+from cfjax.certificate.clearance import SAFE, NotClear, Search, find_clearance
+from cfjax.certificate.hulls import FAN, ROUGH, Along, Disc, Hulls, levels_of, rows_of
+from cfjax.check.enclosure import Budget
 from cfjax.check.reference import Reference
-from cfjax.check.surroundings import Clearance, Surroundings
+from cfjax.check.surroundings import Body, Clearance, Surroundings, shadows_of
+from cfjax.check.sweep import Nearby
 from cfjax.tubes.certified import CertifiedTube, Run
+from cfjax.tubes.violation import InTheWay
 
 
-SAMPLES = 9  # of each piece: a touch between them is seen when half-planes are looked for
+SURELY = 0.02  # m: so far into a hull no direction of the fan misses a clearance
 
 Holds = Bool[np.ndarray, "tubes pieces"]
 Chain = list[tuple[int, int, int]]  # first piece, piece after the last, tube
-
-
-class InTheWay(ValueError):
-    """An obstacle that the body may reach in every tube that holds the path there."""
 
 
 def choose_clear(
@@ -29,7 +30,7 @@ def choose_clear(
     surroundings: Surroundings,
     choose: Callable[[Holds], Chain],
 ) -> tuple[Chain, Clearance]:
-    """A chain in whose tubes the body clears all obstacles, with half-planes that prove it.
+    """A chain in whose tubes the body is clear of its surroundings, with half-planes that prove it.
 
     `choose` finds the best chain among the places that are left to each tube. Where half-planes are not found the place
     is taken away, and it chooses again.
@@ -37,48 +38,87 @@ def choose_clear(
     Raises:
         InTheWay: which obstacle is in the way, and where.
     """
-    holds = _clear_places(reference, tubes, holds, surroundings)
-    obstacle = None
+    hulls, along = Hulls(surroundings.hulls), Along.path(reference)
+    places = _Places(reference, surroundings, hulls, along, holds.copy())
+    for index in np.flatnonzero(holds.any(axis=1)).tolist():
+        places.leave_out(index, tubes[index])
+    places.require_way()
     while True:
         try:
-            chain = choose(holds)
+            chain = choose(places.holds)
         except ValueError as error:
-            beside = "" if obstacle is None else f", where obstacle {obstacle} leaves room"
-            raise InTheWay(f"{error}{beside}") from None
-        legs = [Run(begin, end, tubes[index]).leg(reference) for begin, end, index in chain]
+            raise InTheWay(f"{error}{places.beside()}") from None
+        legs = [
+            Run(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
+        ]
         try:
-            return chain, find_clearance(surroundings, legs)
+            return chain, find_clearance(surroundings, legs, hulls, along)
         except NotClear as error:
             begin, _, tube = chain[error.leg]
             begins = [float(piece.theta) for piece in legs[error.leg].pieces]
-            holds[tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1] = False
-            obstacle = error.obstacle
-            _require_way(reference, holds, obstacle)
+            places.take(tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1, error.hull, 0.0)
+            places.require_way()
 
 
-def _clear_places(
-    reference: Reference, tubes: Sequence[CertifiedTube], holds: Holds, surroundings: Surroundings
-) -> Holds:
-    """Where each tube holds the path and, as far as samples tell, the body is clear."""
-    holds = holds.copy()
-    whole = [Run(0, len(reference.pieces), tube).leg(reference) for tube in tubes]
-    along = samples_along(whole[0].pieces, reference.start, SAMPLES)
-    for number, obstacle in enumerate(surroundings.obstacles):
-        for index, leg in enumerate(whole):
-            for disc in surroundings.footprint:
-                found = least_clearances(along, Shadow(leg.funnel.shape, leg.funnel.level, disc), obstacle)
-                holds[index] &= found.reshape(-1, SAMPLES).min(axis=1) > 0
-        _require_way(reference, holds, number)
-    return holds
+@dataclass(eq=False)
+class _Places:
+    """Where tubes hold the path and leave the body room; `holds` loses the places where they do not."""
 
+    reference: Reference
+    surroundings: Surroundings
+    hulls: Hulls
+    along: Along
+    holds: Holds
+    # the hull that was in the way and by how much (m), by piece: of the tube for which that is least
+    taken: dict[int, tuple[float, int]] = field(default_factory=dict)
 
-def _require_way(reference: Reference, holds: Holds, obstacle: int) -> None:
-    """Raises InTheWay where no tube is left."""
-    blocked = np.flatnonzero(~holds.any(axis=0))
-    if blocked.size:
-        piece, position = reference.pieces[blocked[0]], reference.piece_poses[blocked[0]].position
-        x, y = float(position.real.mid()), float(position.imag.mid())
+    def take(self, tube: int, piece: int, hull: int, excess: float) -> None:
+        """A tube is of no use on a piece, for the body may reach a hull, or more than that by `excess` m."""
+        self.holds[tube, piece] = False
+        self.taken[piece] = min(self.taken.get(piece, (np.inf, hull)), (excess, hull))
+
+    def leave_out(self, index: int, tube: CertifiedTube) -> None:
+        """Places at which the body may touch something, as far as bounds of first order and samples tell."""
+        reference = self.reference
+        leg = Run(0, len(reference.pieces), tube).leg(reference)
+        shadows = shadows_of(leg, self.surroundings.footprint)
+        search = Search(leg, Body(shadows, Nearby(()), Budget()), self.hulls)
+        level = levels_of(leg)
+        for disc in map(Disc.of, shadows):
+            own = np.flatnonzero(self.holds[index])
+            rows = rows_of(self.hulls, self.along.some(own), level[own], disc, ROUGH)
+            doubtful = rows.room.max(axis=1) <= SAFE
+            pieces, hulls = own[rows.piece[doubtful]], rows.hull[doubtful]
+            at, which = np.unique(pieces, return_inverse=True)
+            starts = np.column_stack([self._headings[at], self.along.start[at]])
+            room = (self.hulls.support[hulls] - disc.reach(starts, level[at], FAN.units)[which]).max(axis=1)
+            for row in np.flatnonzero(room < -SURELY).tolist():
+                self.take(index, int(pieces[row]), int(hulls[row]), float(-room[row]))
+            for piece in dict.fromkeys(pieces[self.holds[index, pieces]].tolist()):
+                for look in search.looks(reference.pieces[piece], reference.piece_poses[piece]):
+                    least = look.own().min(axis=1)
+                    if not least.min() > 0:
+                        self.take(index, piece, int(look.hulls[least.argmin()]), float(-least.min()))
+
+    @cached_property
+    def _headings(self) -> Float[np.ndarray, " p"]:
+        return np.array([float(pose.heading) for pose in self.reference.piece_poses[:-1]])
+
+    def beside(self) -> str:
+        """Where a chain may be missing because of what is beside the path."""
+        last = next(reversed(self.taken.values()), None)
+        return f", where {self.surroundings.name(last[1])} leaves room" if last else ""
+
+    def require_way(self) -> None:
+        """Raises InTheWay where no tube is left."""
+        blocked = np.flatnonzero(~self.holds.any(axis=0))
+        if not blocked.size:
+            return
+        place = int(blocked[0])
+        piece, (x, y) = self.reference.pieces[place], self.along.start[place]
+        excess, hull = self.taken[place]
         raise InTheWay(
-            f"obstacle {obstacle} is in the way: from theta = {float(piece.theta):.6g} s of segment {piece.segment}, "
-            f"({x:.4g}, {y:.4g}) m, on the body may reach it in every tube that holds the path there"
+            f"{self.surroundings.name(hull)} is in the way: from theta = {float(piece.theta):.6g} s of segment "
+            f"{piece.segment}, ({x:.4g}, {y:.4g}) m, on the body may reach it in every tube that holds the path there, "
+            f"and {excess:.3g} m beyond in the one that comes least near"
         )

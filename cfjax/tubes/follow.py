@@ -26,14 +26,16 @@ from cfjax.coerce import Numbers, flag, instance, instances, number, optional, t
 from cfjax.errors import InputError
 from cfjax.exact import StatedSegment, exact_reference, exact_surroundings, stated
 from cfjax.problem import FootprintDisc, KinematicBicycle, Obstacle, Vehicle
+from cfjax.problem.corridor import walls_of
 from cfjax.problem.obstacles import footprint_of, obstacles_of
 from cfjax.problem.path import Path, Pose, Profile, Segment
+from cfjax.problem.room import require_clear
 from cfjax.rounded import rounded_down, rounded_up
 from cfjax.tubes.certified import CertifiedTube, Run, timing_of
 from cfjax.tubes.choice import choose, needed_distance, proven_ratios
 from cfjax.tubes.store import library, proven_tubes
 from cfjax.tubes.vehicles import parameters_of, why_none
-from cfjax.tubes.violation import furthest_out
+from cfjax.tubes.violation import InTheWay, furthest_out
 
 
 CUTS = 64  # a piece longer than this part of the path is cut, so that a tube can be left inside it
@@ -152,10 +154,14 @@ class Following:
                 f"V <= {rounded_up(least.level, DIGITS)} after {rounded_up(least.needed, DIGITS)} m, "
                 f"has {rounded_down(least.available, DIGITS)} m"
             )
-        if count := len(self.surroundings.obstacles):
-            lines.append(f"  clear of {count} obstacle{'s' if count > 1 else ''}, wherever in its tube the car is")
+        if not self.surroundings.is_empty:
+            lines.append(f"  clear of {self._beside()}, wherever in its tube the car is")
         lines.append("  holds for ever" if self.closed else f"  arrives with V <= {rounded_up(self.end_level, DIGITS)}")
         return "\n".join(lines)
+
+    def _beside(self) -> str:
+        counts = (len(self.surroundings.obstacles), "obstacle"), (len(self.surroundings.walls), "wall")
+        return " and ".join(f"{count} {name}{'s' if count > 1 else ''}" for count, name in counts if count)
 
     def __str__(self) -> str:
         return self.describe()
@@ -176,13 +182,15 @@ def follow(
     pinned: str | None = None,
     obstacles: Sequence[Obstacle | Mapping] | Numbers = (),
     footprint: Sequence[FootprintDisc] | Numbers = (FootprintDisc(),),
+    corridor: object = None,
 ) -> Following:
     """The chain of tubes with the least lateral width, by length, that is proven to hold along the path.
 
     `tubes` are those of the package for the vehicle, the Parkour car unless given. Given tubes have to be certified for
     the vehicle that drives, which is checked where it is given too. A closed path is one lap that is driven again and
     again; `pinned` is the name of the one tube to use. Beside `obstacles` (m, in the frame of the path) only tubes are
-    used in which the `footprint`, discs [radius, offset along the forward axis] in m, touches none of them.
+    used in which the `footprint`, discs [radius, offset along the forward axis] in m, touches none of them. A
+    `corridor` is two walls beside the path that it may not touch either, in the forms that `Problem` takes.
 
     >>> from cfjax import circle
     >>> following = follow(circle(radius=2.0, speed=2.0))
@@ -196,7 +204,8 @@ def follow(
     instance("path", path, Path)
     optional("vehicle", vehicle, Vehicle)
     closed, pinned = flag("closed", closed), None if pinned is None else text("pinned", pinned)
-    surroundings = exact_surroundings(obstacles_of(obstacles), footprint_of(footprint))
+    around, body = (*obstacles_of(obstacles), *walls_of(corridor, path, closed)), footprint_of(footprint)
+    surroundings = exact_surroundings(around, body)
     car = KinematicBicycle() if vehicle is None else vehicle
     offered = library(car) if tubes is None else instances("tubes", tubes, CertifiedTube)
     if not offered and tubes is None:
@@ -223,6 +232,9 @@ def follow(
         return replace(found, vehicle=car if tubes is None or vehicle is not None else None)
     except InputError:
         raise
+    except InTheWay as error:
+        require_clear(path, around, body)  # the reference itself, which is worse
+        raise InputError(f"path {path.name}: {error}") from None
     except Outside as error:
         own = "" if vehicle is None else ", vehicle=vehicle"
         more = (
@@ -244,7 +256,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surround
     if outside.size:
         raise Outside(furthest_out([pieces[index] for index in outside], tubes))
     gap = _gap(reference) if closed else None
-    if surroundings.obstacles:
+    if not surroundings.is_empty:
         from cfjax.tubes.clear import choose_clear  # here, for the solvers come with it
 
         chain, clearance = choose_clear(

@@ -18,6 +18,10 @@ from cfjax.tubes.certified import CertifiedTube
 UNITS = {"curvature": "1/m", "speed": "m/s", "acceleration": "m/s²"}
 
 
+class InTheWay(ValueError):
+    """An obstacle or a wall that the body may reach in every tube that holds the path there."""
+
+
 class Violation(NamedTuple):
     """Where a piece leaves a tube by most: value and bound in the quantity's unit.
 

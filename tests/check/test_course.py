@@ -219,13 +219,14 @@ def link_too_wide(document: Document) -> None:
     sets(document)["goal"]["half_axes"] = ["1/3"] * 4
 
 
-def only_the_first_half_plane_ends_early(document: Document) -> None:
-    moved(document["hints"]["clearance"][0][0][0][-1], "end", -HAIR)
+def the_first_leg_s_stretch_ends_early(document: Document) -> None:
+    moved(document["hints"]["clearance"][0][-1], "end", -HAIR)
 
 
-def turned_half_plane(document: Document) -> None:
-    normal = document["hints"]["clearance"][0][1][1][0]["normal"]
-    normal[0], normal[1] = normal[1], normal[0]
+def turned_normals(document: Document) -> None:
+    for leg in document["hints"]["clearance"]:
+        for stretch in leg:
+            stretch["normals"] = [[-y, x] for x, y in stretch["normals"]]
 
 
 def a_gap(document: Document) -> None:
@@ -341,18 +342,24 @@ ATTACKS: dict[str, tuple[Callable[[Document], object], str]] = {
     "goal": (lambda d: sets(d)["goal"].update(half_axes=["1/5"] * 4), "funnel 1: condition (b)"),
     "inlet": (lambda d: sets(d)["inlet"].update(half_axes=["1/6"] * 4), "funnel 0: condition (a)"),
     "safe": (lambda d: sets(d)["safe"]["half_widths"].__setitem__(1, "1/6"), "condition (c)"),
-    "start moved": (start_moved, "the body may reach the obstacle"),
-    "start turned": (start_turned, "the body may reach the obstacle"),
-    "obstacle grown": (lambda d: sets(d)["obstacles"][0].update(round="1"), "the body may reach the obstacle"),
-    "obstacle moved": (lambda d: sets(d)["obstacles"][1]["corners"].append(["0", "1"]), "may reach the obstacle"),
-    "body larger": (lambda d: sets(d)["footprint"][1].update(radius="1"), "the body may reach the obstacle"),
-    "body longer": (lambda d: sets(d)["footprint"][1].update(offset="3/2"), "the body may reach the obstacle"),
-    "no body": (lambda d: sets(d).update(footprint=[]), "clearance"),
-    "half-plane turned": (turned_half_plane, "the body may reach the obstacle"),
-    "half-planes end early": (only_the_first_half_plane_ends_early, "expected half-planes whose ends increase"),
-    "half-planes missing": (lambda d: d["hints"].update(clearance=[]), "expected a list of 4"),
-    "obstacle's half-planes missing": (lambda d: d["hints"]["clearance"][0].pop(), "expected a list of 2"),
-    "disc's half-planes missing": (lambda d: d["hints"]["clearance"][0][0].pop(), "expected a list of 2"),
+    "start moved": (start_moved, "clearance is not proven at theta"),
+    "start turned": (start_turned, "clearance is not proven at theta"),
+    "obstacle grown": (lambda d: sets(d)["obstacles"][0].update(round="1"), "clearance is not proven at theta"),
+    "obstacle moved": (
+        lambda d: sets(d)["obstacles"][1]["corners"].append(["0", "1"]),
+        "clearance is not proven at theta",
+    ),
+    "body larger": (lambda d: sets(d)["footprint"][1].update(radius="1"), "clearance is not proven at theta"),
+    "body longer": (lambda d: sets(d)["footprint"][1].update(offset="3/2"), "clearance is not proven at theta"),
+    "no body": (lambda d: sets(d).update(footprint=[]), "no footprint that could clear them"),
+    "normals turned": (turned_normals, "clearance is not proven at theta"),
+    "stretches end early": (the_first_leg_s_stretch_ends_early, "expected stretches whose ends increase"),
+    "stretches missing": (lambda d: d["hints"].update(clearance=[]), "expected a list of 4"),
+    "a leg's stretches missing": (lambda d: d["hints"]["clearance"][0].clear(), "expected a list of 1 to"),
+    "a stretch's normals missing": (
+        lambda d: [each.update(normals=[]) for leg in d["hints"]["clearance"] for each in leg],
+        "no half-plane is stated",
+    ),
     "another vehicle": (another_vehicle, "laps are closed for bodies that look along the path"),
     "another vehicle's links": (another_vehicle_on_an_open_path, "the speed jumps, and with it states of a vehicle"),
     "funnel missing": (lambda d: d["funnels"].pop(), "legs[1].funnel: expected a whole number between 0 and 0"),

@@ -15,7 +15,9 @@ NAMES = (
     "straight_restricted, tube, waypoints"
 )
 HIT = " m, comes within 0 m of obstacle 0; expected more than the vehicle's radius there, 0.25 m"
-OBSTACLES = "sets.obstacles: expected entries {disc: [x, y, radius]} or {polygon: [[x, y], ...]}, got "
+OBSTACLES = (
+    "sets.obstacles: expected entries {disc: [x, y, radius]}, {polygon: [[x, y], ...]} or {wall: [[x, y], ...]}, got "
+)
 CASES = [
     (["path.radius=2"], "path.radius: no such key; expected one of name, kind, speed"),  # of the oval
     (["path.speed=0"], "path.speed: expected a positive finite number (m/s), got 0.0"),
@@ -57,10 +59,10 @@ CASES = [
     ),
     (["sets.obstacles=[{disc:[0,nan,1]}]"], "sets.obstacles: expected a disc with a finite centre and a positive rad"),
     (["sets.obstacles=[{polygon:[[0,0],[1,0]]}]"], "sets.obstacles: expected a polygon with at least 3 corners [x, y]"),
-    (["sets.obstacles=[{polygon:[[0,0],[1,0],[2,0]]}]"], "sets.obstacles: expected a convex polygon, its corners in"),
+    (["sets.obstacles=[{polygon:[[0,0],[1,0],[2,0]]}]"], "sets.obstacles: expected a polygon, its corners in order"),
     (
-        ["sets.obstacles=[{polygon:[[0,0],[1,0],[0.1,0.1],[0,1]]}]"],
-        "sets.obstacles: expected a convex polygon, its corners in order, got [[0.0, 0.0], [1.0, 0.0]",
+        ["sets.obstacles=[{polygon:[[0,0],[1,1],[1,0],[0,1]]}]"],
+        "sets.obstacles: expected a polygon, its corners in order, got [[0.0, 0.0], [1.0, 1.0]",
     ),
     (
         ["sets.obstacles=[{disc:[1e308,0,1]}]"],

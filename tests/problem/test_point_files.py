@@ -36,7 +36,10 @@ READ = {
     "units_mm": r"72 points, 22.0 m, closed, 2 m/s \(no .* given\), smallest radius 1.63 m, columns x_mm, y_mm",
     "speed_kmh": r"72 points, 22.0 m, closed, 2 m/s, smallest radius 1.67 m, columns x, y, speed_kmh",
     "nearly_closed_1mm": rf"72 points, 22.0 m, {LAP.replace('closed', r'closed .gap 0.92 mm.')}, columns x, y",
-    "not_repeated_widths": r"72 points, 22.0 m, closed \(gap 0.301 m, the first .*; w_tr_right_m, w_tr_left_m not used",
+    "not_repeated_widths": (
+        r"72 points, 22.0 m, closed \(gap 0.301 m, the first .*; w_tr_right_m, w_tr_left_m used with "
+        r"sets\.corridor=file only"
+    ),
 }
 NO_PATH = {
     "third_time": r": expected a speed in m/s in the third column.* time stamps\?; name the columns .*path\.columns=\[",

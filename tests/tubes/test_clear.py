@@ -66,7 +66,8 @@ def test_the_checker_proves_it_and_says_so(beside: Following, document: dict) ->
 
 def test_no_body_in_a_tube_touches_an_obstacle(beside: Following) -> None:
     """Random cars on the boundary of each tube, in the plane, by another library's distances."""
-    shapes = [shapely.MultiPoint(obstacle.corners).convex_hull.buffer(obstacle.round, 256) for obstacle in OBSTACLES]
+    hulls = [hull for obstacle in OBSTACLES for hull in obstacle.hulls]
+    shapes = [shapely.MultiPoint(hull.corners).convex_hull.buffer(hull.round, 256) for hull in hulls]
     rng, least = np.random.default_rng(0), np.inf
     for stretch in beside.tubes:
         segment = beside.path.curve[stretch.segment]
@@ -108,21 +109,24 @@ def sets(document: dict) -> dict:
 
 
 def plane(document: dict) -> dict:
-    """The last one of the first leg, obstacle and disc."""
-    return document["hints"]["clearance"][0][0][0][-1]
+    """The last stretch of the first leg."""
+    return document["hints"]["clearance"][0][-1]
 
 
 @pytest.mark.parametrize(
     ("spoil", "outcome", "words"),
     [
         (lambda d: sets(d)["obstacles"][0].update(corners=[["5", "1/2"]]), Outcome.BROKEN, "obstacle 0"),
-        (lambda d: sets(d)["footprint"][0].update(radius="3/2"), Outcome.BROKEN, "leg 0, obstacle 0"),
-        (lambda d: sets(d)["footprint"][1].update(radius="3/2"), Outcome.BROKEN, "leg 0, obstacle 0"),
-        (lambda d: sets(d).update(footprint=[]), Outcome.UNREADABLE, "clearance"),
+        (lambda d: sets(d)["footprint"][0].update(radius="3/2"), Outcome.BROKEN, "leg 0, obstacle 1"),
+        (lambda d: sets(d)["footprint"][1].update(radius="3/2"), Outcome.BROKEN, "leg 0, obstacle 1"),
+        (lambda d: sets(d).update(footprint=[]), Outcome.BROKEN, "no footprint"),
         (lambda d: d["hints"]["clearance"].pop(), Outcome.UNREADABLE, "clearance"),
         (lambda d: d["hints"].pop("clearance"), Outcome.UNREADABLE, "clearance"),
-        (lambda d: plane(d).update(normal=["0", "-1"]), Outcome.BROKEN, "obstacle 0"),
-        (lambda d: plane(d).update(end="1"), Outcome.BROKEN, "half-planes whose ends increase"),
+        (lambda d: plane(d).update(normals=[]), Outcome.BROKEN, "no half-plane is stated"),
+        (lambda d: plane(d).update(normals=[[0, 1]]), Outcome.BROKEN, "obstacle 1"),
+        (lambda d: plane(d).update(normals=[[0, 0]]), Outcome.UNREADABLE, "normals that are not zero"),
+        (lambda d: plane(d).update(end="1"), Outcome.BROKEN, "stretches whose ends increase"),
+        (lambda d: d["hints"].update(clearance=[[[[plane(d)]]]]), Outcome.UNREADABLE, "an earlier release"),
     ],
 )
 def test_what_is_not_proven_is_refused(document: dict, spoil, outcome: Outcome, words: str) -> None:
@@ -183,7 +187,7 @@ def test_a_path_that_was_followed_elsewhere_claims_no_obstacles() -> None:
 
 
 def test_what_no_checker_reads_is_refused_before_a_tube_is_learned() -> None:
-    problem = Problem(PATH, inlet=ball(0.1), goal=ball(0.25), obstacles=[Disc(5.0, 3.0 + k, 0.1) for k in range(65)])
+    problem = Problem(PATH, inlet=ball(0.1), goal=ball(0.25), obstacles=[Disc(5.0, 3.0 + k, 0.1) for k in range(4097)])
     with pytest.raises(InputError, match="obstacles"):
         hold_by_learning(problem, lambda *_: pytest.fail("asked to learn"))
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfjax.problem import Disc
+from cfjax.problem import Disc, Wall
 from cfjax.problem.vehicle import numbers_of
 from cfjax.report.terms import input_label, short_label
 from cfjax.result import Result
@@ -104,6 +104,8 @@ def parameters(result: Result) -> Rows:
     for obstacle in problem.obstacles:
         if isinstance(obstacle, Disc):
             text = f"disc of {number(obstacle.radius)} m at ({number(obstacle.x)}, {number(obstacle.y)}) m"
+        elif isinstance(obstacle, Wall):
+            text = f"wall through {len(obstacle.points)} points"
         else:
             text = "polygon " + " ".join(f"({number(x)}, {number(y)})" for x, y in obstacle.corners) + " m"
         rows.append(("obstacle", text))
