@@ -21,15 +21,9 @@ from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import dyadic, round_whitening
 from cfjax.certificate.writing import write_unary
 from cfjax.check.enclosure import LARGEST_EFFORT, UnaryEnclosure
+from cfjax.check.held_derivatives import SteadyLeg
+from cfjax.check.held_ranges import HeldRange, Inputs, SampledClaim, held_ranges, span_of
 from cfjax.check.program import CellProof
-from cfjax.check.sampled import (
-    HeldRange,
-    Inputs,
-    SampledClaim,
-    SteadyLeg,
-    held_ranges,
-    span_of,
-)
 from cfjax.solver import Solver
 from cfjax.verdict import Verdict
 

@@ -5,21 +5,11 @@ from math import comb
 from flint import fmpq
 
 from cfjax.check.graph import MOST_INPUTS
+from cfjax.check.held_ranges import BEND_DEGREES, DEGREES, FORK_DEGREE, ORDERS, SampledClaim
 from cfjax.check.hints import Room, read_enclosures, read_gram, read_matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Item
-from cfjax.check.sampled import (
-    BEND_DEGREES,
-    DEGREES,
-    FORK_DEGREE,
-    ORDERS,
-    Fork,
-    Leaf,
-    Proof,
-    RangeHints,
-    SampledClaim,
-    Tree,
-)
+from cfjax.check.sampled import Fork, Leaf, Proof, RangeHints, Tree
 
 
 MOST_CHOICES = 256

@@ -16,11 +16,11 @@ from cfjax.check.bounds import Bounds, Range, place_of
 from cfjax.check.containment import half_widths
 from cfjax.check.document import Claims
 from cfjax.check.funnel import LAW_SHARE, FunnelClaim
+from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.meaning import Assumptions
 from cfjax.check.problem import Course, ProblemClaim
 from cfjax.check.proven import Bounded, Proven, Refuted, Shown, Violation
 from cfjax.check.rational import about, decimal_text
-from cfjax.check.sampled import SampledClaim
 from cfjax.check.surroundings import Surroundings
 from cfjax.check.vehicle import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim
 

@@ -31,8 +31,8 @@ from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
 from cfjax.check.amounts import Absorbed as ProvenAmounts
 from cfjax.check.amounts import Robustness as Proven
+from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.rational import float_below, rational
-from cfjax.check.sampled import SampledClaim
 from cfjax.clock import Clock
 from cfjax.errors import InputError, NotWritten
 from cfjax.exact import tube_within

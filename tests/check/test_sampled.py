@@ -23,13 +23,15 @@ from cfjax.certificate.stretches import question_of
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash
 from cfjax.check.enclosure import Budget
+from cfjax.check.held_derivatives import SteadyLeg, control_points, derivatives
+from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.hints import Room
 from cfjax.check.problem import Course
 from cfjax.check.proof import MOST_EFFORT
 from cfjax.check.reader import Broken, Item
 from cfjax.check.reference import Gap
 from cfjax.check.replay import check_robustness
-from cfjax.check.sampled import SampledClaim, SteadyLeg, control_points, derivatives, prove_sampled
+from cfjax.check.sampled import prove_sampled
 from cfjax.check.sampled_hints import read_sampled
 from cfjax.control.sampled import choose_for_hold
 from cfjax.errors import InputError
