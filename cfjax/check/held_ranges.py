@@ -31,9 +31,27 @@ BEND_DEGREES = (2, 1)  # of a bound on V^(m+1)
 FORK_DEGREE = 2  # of the polynomials at forks
 ORDERS = (2, 3)
 BEND = -1  # in place of the number of a Bernstein coefficient: the claim on V^(m+1)
+RISE = 0  # likewise, where nothing is asked of a part: the claim on V', which is B_0
 
 Coefficients = tuple[fmpq, ...]
 Inputs = tuple[fmpq, ...]  # in the order of the problem's
+
+
+@dataclass(frozen=True)
+class StartUp:
+    """What a car does whose first pose comes up to `delay` (s) late: until then it holds the input number `choice`.
+
+    Under it V' is at most `rise` (1/s) wherever V ≤ 1.
+    """
+
+    delay: fmpq
+    choice: int
+    rise: fmpq
+
+    @property
+    def level(self) -> fmpq:
+        """From V at most this on V is below 1 until the first pose is there."""
+        return 1 - self.delay * self.rise
 
 
 @dataclass(frozen=True)
@@ -49,6 +67,7 @@ class SampledClaim:
     choices: tuple[Inputs, ...]
     bends: tuple[fmpq, ...]
     cuts: tuple[fmpq, ...]  # between which ranges of q the proof is put together
+    start_up: StartUp | None = None  # where poses are late
 
     def left_out(self, choice: int) -> fmpq:
         """ρ, 1/s."""
@@ -109,9 +128,9 @@ def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]
 
 
 class HoldCell(NamedTuple):
-    """One of the values of a range at an input, where polynomials are not negative: B_j of a part, or P_{m+1}."""
+    """One of the values of a range at an input, where polynomials are not negative: B_j of a part, V' or P_{m+1}."""
 
-    value: int  # j, or BEND
+    value: int  # j, RISE or BEND
     choice: int
     part: Part | None = None
     forks: tuple[fmpq_mpoly, ...] = ()
@@ -119,7 +138,9 @@ class HoldCell(NamedTuple):
 
 @dataclass(frozen=True)
 class HeldRange(FunnelProgram):
-    """Polynomials in y, x = W y, on one range of q, and what is claimed there; a cell of P_{m+1} has margin −R_u.
+    """Polynomials in y, x = W y, on one range of q, and what is claimed there.
+
+    A cell of P_{m+1} has margin −R_u, one of V' minus a bound of V' on V ≤ 1.
 
     `values` are B_0 … B_{m−1} and P_{m+1}, in the symbols of `dynamics`.
     """

@@ -19,6 +19,11 @@ of q = xᵀ C x (`cfjax.check.held_ranges`).
 **The cut.** Where some input does it, a tree says: each fork holds a polynomial, and the deviations where it is not
 negative go one way, all others the other way. Whatever the polynomials are, the leaves cover the range. A leaf names
 one input, and sums of squares show B_j there (`cfjax.check.program`), with the forks on the way as constraints.
+
+**Late poses.** A law that knows how old a pose is, and which inputs were held since, knows the deviation at which its
+next input begins to act: the model's motion. So all of the above holds from the first choice on. Until the first pose
+is there, for τ* or less, one input of the set is held. If V' ≤ D under it wherever V ≤ 1, V ≤ 1 − D τ* at the start
+suffices (`cfjax.check.held_ranges.StartUp`).
 """
 
 from collections.abc import Sequence
@@ -29,7 +34,18 @@ from flint import fmpq, fmpq_mpoly
 from cfjax.check.document import Certificate
 from cfjax.check.enclosure import LARGEST_EFFORT, Budget
 from cfjax.check.held_derivatives import SteadyLeg
-from cfjax.check.held_ranges import BEND, ORDERS, Coefficients, HeldRange, HoldCell, Part, SampledClaim, held_ranges
+from cfjax.check.held_ranges import (
+    BEND,
+    ORDERS,
+    RISE,
+    Coefficients,
+    HeldRange,
+    HoldCell,
+    Part,
+    SampledClaim,
+    StartUp,
+    held_ranges,
+)
 from cfjax.check.hints import EnclosureHints
 from cfjax.check.program import CellProof, Gram, Matrix
 from cfjax.check.proof import MOST_EFFORT, Question, dynamics_of, prove_enclosures
@@ -69,6 +85,7 @@ class RangeHints:
     enclosures: EnclosureHints  # by the number of the function among those of the dynamics
     bends: tuple[Proof, ...]
     trees: tuple[Tree, ...]
+    rise: Proof | None = None  # a bound of V' under the input of a start-up, where there is one
 
 
 def prove_holds(certificate: Certificate, claim: SampledClaim, hints: Sequence[RangeHints]) -> None:
@@ -121,6 +138,8 @@ def prove_sampled(leg: SteadyLeg, claim: SampledClaim, hints: Sequence[RangeHint
         proof = _Proof(told, claim, f"sampled, range {index} of q", effort)
         for choice, bend in enumerate(own.bends):
             proof.bend(choice, bend)
+        if claim.start_up is not None:
+            proof.rise(claim.start_up, own.rise)
         for part, tree in zip(parts, own.trees, strict=True):
             proof.tree(part, tree, ())
 
@@ -131,10 +150,20 @@ def _require_sense(leg: SteadyLeg, claim: SampledClaim) -> None:
         raise Broken("sampled: expected a positive period and decrease, and an order of 2 or 3")
     if len(claim.bends) != len(claim.choices) or any(bend < 0 for bend in claim.bends):
         raise Broken("sampled: expected a bound for each of the inputs, none below zero")
+    if claim.start_up is not None:
+        _require_start(leg, claim, claim.start_up)
     for choice in claim.choices:
         inside = (lower <= value <= upper for value, (lower, upper) in zip(choice, box.values(), strict=True))
         if not all(inside):
             raise Broken("sampled: an input is not in the box of inputs")
+
+
+def _require_start(leg: SteadyLeg, claim: SampledClaim, start_up: StartUp) -> None:
+    """θ goes on at the u0 of the input that is held, from a start on the leg to one."""
+    if not start_up.choice < len(claim.choices) or not start_up.delay > 0 or not start_up.rise > 0:
+        raise Broken("sampled: expected a start-up with one of the inputs, a positive delay and a positive rise")
+    if start_up.level <= 0 or claim.choices[start_up.choice][0] * start_up.delay >= leg.duration:
+        raise Broken("sampled: no start is left from which V stays below 1 until the first pose is there")
 
 
 def _prove_lap(leg: SteadyLeg, gap: Gap, claim: SampledClaim) -> None:
@@ -167,6 +196,11 @@ class _Proof:
         """R_u."""
         if -self._shown(HoldCell(BEND, choice), proof) > self.claim.bends[choice]:
             raise Broken(f"{self.where}: derivative {self.claim.order + 1} of V may exceed the bound of input {choice}")
+
+    def rise(self, start_up: StartUp, proof: Proof | None) -> None:
+        """V' until the first pose is there."""
+        if proof is None or -self._shown(HoldCell(RISE, start_up.choice), proof) > start_up.rise:
+            raise Broken(f"{self.where}: V may rise faster than stated until the first pose is there")
 
     def tree(self, part: Part, tree: Tree, forks: tuple[fmpq_mpoly, ...]) -> None:
         """What is asked of a part, on all leaves of its tree."""

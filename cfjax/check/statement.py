@@ -220,19 +220,28 @@ def _absorbed(shown: Proven, proven: Robustness) -> Section:
             f"or all at once, in every state, from starts in V <= {_down(proven.level)}: held for "
             f"{_down(together.period)} s, rates off by {rates(together.disturbance)}, a measurement of "
             f"{_down(together.delay)} s ago off by {by_state(together.pose_error, units)}",
-            *_sampled(proven.sampled),
+            *_sampled(proven.sampled, tuple(shown.claims.problem.inputs)),
         ),
     )
 
 
-def _sampled(claim: SampledClaim | None) -> tuple[str, ...]:
+def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ...]:
     """What is proven of a law that looks one hold ahead."""
     if claim is None:
         return ()
-    return (
+    held = (
         f"or, under a law that looks one hold ahead and takes one of {len(claim.choices)} inputs: each is held for any "
         f"time up to {_down(claim.period)} s{_frequency(claim.period)}, and on the shell V falls at "
-        f"{_down(claim.decrease)} 1/s or more from one choice to the next",
+        f"{_down(claim.decrease)} 1/s or more from one choice to the next"
+    )
+    late = claim.start_up
+    if late is None:
+        return (held,)
+    first = ", ".join(f"{name} {about(value)}" for name, value in zip(inputs, claim.choices[late.choice], strict=True))
+    return (
+        held,
+        f"that law may see poses up to {_down(late.delay)} s late, if it knows their age and the inputs held since: it "
+        f"predicts; a car that holds {first} until the first pose is there has to start in V <= {_down(late.level)}",
     )
 
 

@@ -314,6 +314,7 @@ class Config:
     seed: int = Options.seed
     robustness: bool = Options.robustness
     period: float | None = Options.period
+    delay: float | None = Options.delay
     cars: int = Options.cars
     logger: str = "none"  # "none"; or "wandb", Weights & Biases
     wandb: WandbConfig = field(default_factory=WandbConfig)

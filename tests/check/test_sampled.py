@@ -17,7 +17,7 @@ from flint import fmpq
 from cfjax.certificate import certify
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.prover import NotProven
-from cfjax.certificate.robustness import robustness_document
+from cfjax.certificate.robustness import robustness_document, with_holds
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.stretches import question_of
 from cfjax.check import Outcome, check_document
@@ -46,7 +46,7 @@ from cfjax.verdict import Verdict
 from experiments.vehicles.omnidirectional import Omnidirectional
 
 
-PERIOD = fmpq(1, 25)  # s
+PERIOD, DELAY = fmpq(1, 25), fmpq(1, 20)  # s
 SHAPE = np.array([[4.0, 0.2, 0.1], [0.2, 4.0, 0.3], [0.1, 0.3, 4.0]])
 RATE, DURATION = 0.02, 2.0
 
@@ -88,7 +88,8 @@ def held() -> Held:
     problem, segment, funnel = question(straight(DURATION, speed=1.0))
     found = certify(problem, [funnel])
     assert found.verdict is Verdict.CERTIFIED and found.document is not None
-    return Held(problem, segment, funnel, found.document, robustness_document(found.document, period=float(PERIOD)))
+    file = with_holds(found.document, robustness_document(found.document), float(PERIOD), float(DELAY))
+    return Held(problem, segment, funnel, found.document, file)
 
 
 def claim_of(hints: dict[str, Any]) -> SampledClaim:
@@ -128,6 +129,15 @@ def test_what_is_stated_is_proven(held: Held) -> None:
     outcome, message = answer(held)
     assert outcome is Outcome.PROVEN
     assert "held for any time up to 0.04 s" in message
+    assert "poses up to 0.05 s late" in message
+    start_up = claim.start_up
+    assert start_up is not None and claim.choices[start_up.choice] == (1, 0, 0, 1)
+    assert start_up.level == 1 - DELAY * start_up.rise
+
+
+def test_without_a_delay_nothing_is_said_of_one(held: Held) -> None:
+    outcome, message = answer(held, lambda hints: hints.pop("start_up"))
+    assert outcome is Outcome.PROVEN and " s late" not in message
 
 
 def test_derivatives_are_those_of_v_along_a_held_input() -> None:
@@ -216,11 +226,21 @@ FALSE: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         lambda h: leaves(h["ranges"][1]["trees"][1])[0]["proofs"][0].update(margin="1000"),
         "does not fall as stated",
     ),
-    "a range left out": (lambda h: h["ranges"].pop(), "expected hints for"),
+    "a range left out": (lambda h: (h["ranges"].pop(), h["start_up"]["proofs"].pop()), "expected hints for"),
     "a part left out": (lambda h: h["ranges"][1]["trees"].pop(), "not for what is asked"),
-    "cuts that leave the range": (lambda h: h.update(cuts=["2"], ranges=[*h["ranges"], h["ranges"][-1]]), "cuts"),
+    "cuts that leave the range": (
+        lambda h: (h.update(cuts=["2"], ranges=[*h["ranges"], h["ranges"][-1]]), h.pop("start_up")),
+        "cuts",
+    ),
     "an order that is not that of the proofs": (lambda h: h.update(order=2), "expected a list of"),
     "no bound for one input": (lambda h: h["bends"].pop(), "expected a list"),
+    "a smaller rise until a pose is there": (
+        lambda h: h["start_up"].update(rise=scaled(h["start_up"]["rise"], fmpq(1, 2))),
+        "may rise faster than stated",
+    ),
+    "another input until a pose is there": (lambda h: h["start_up"].update(choice=0), "may rise faster than stated"),
+    "poses so late that no start is left": (lambda h: h["start_up"].update(delay="3"), "no start is left"),
+    "a start-up without its proofs": (lambda h: h["start_up"]["proofs"].pop(), "expected a list"),
     "a bound below zero": (lambda h: h["bends"].__setitem__(0, "-1"), "none below zero"),
 }
 
@@ -302,7 +322,12 @@ def test_forks_of_long_numbers_and_more_cuts_than_ranges_are_refused(held: Held)
 
 def test_what_is_not_true_is_not_found(held: Held) -> None:
     with pytest.raises(NotProven, match="whichever input is held"):
-        robustness_document(held.certificate, period=0.5)
+        with_holds(held.certificate, held.file, 0.5)
+
+
+def test_no_start_is_left_where_poses_are_too_late(held: Held) -> None:
+    with pytest.raises(NotProven, match="under the reference's own inputs until a pose is there, 5 s late"):
+        with_holds(held.certificate, held.file, float(PERIOD), 5.0)
 
 
 def test_a_period_is_asked_of_one_line_or_circle_alone() -> None:
@@ -315,6 +340,8 @@ def test_a_period_is_asked_of_one_line_or_circle_alone() -> None:
         check_question(Problem(circle()), Options(period=0.02, template="paper"))
     with pytest.raises(InputError, match="period: expected robustness=true"):
         Options(period=0.02, robustness=False)
+    with pytest.raises(InputError, match="delay: expected a period too"):
+        Options(delay=0.02)
 
 
 # --- cars
