@@ -241,7 +241,8 @@ def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ..
     return (
         held,
         f"that law may see poses up to {_down(late.delay)} s late, if it knows their age and the inputs held since: it "
-        f"predicts; a car that holds {first} until the first pose is there has to start in V <= {_down(late.level)}",
+        f"predicts; a car that holds {first} until the first pose is there has to start in V <= {_down(late.level)}, "
+        "so early that theta is on the path then",
     )
 
 
