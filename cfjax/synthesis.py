@@ -4,7 +4,6 @@ import os
 import sys
 import time
 from dataclasses import replace
-from typing import Any
 
 from cfjax import coerce
 from cfjax.ahead import compile_ahead
