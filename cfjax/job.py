@@ -7,6 +7,7 @@ import shlex
 import sys
 import traceback
 from contextlib import suppress
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -95,12 +96,15 @@ def run(
     from cfjax.problem import Frame
     from cfjax.progress import progress_on
     from cfjax.report.files import refuse_finished
-    from cfjax.report.run_folder import keep_elsewhere, write_run
+    from cfjax.report.run_folder import Asked, keep_elsewhere, write_run
     from cfjax.report.tracking import track
     from cfjax.synthesis import drive, harden, search
 
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
+    asked = None
+    if config.period is not None:
+        asked = Asked(config.period, config.delay, yaml_of(replace(config, period=None, delay=None)))
     told: list[str] = []
     frame = Frame(config.frame)
     stopped: Interrupted | None = None
@@ -145,10 +149,11 @@ def run(
                 frame=frame,
                 page=page,
                 progress=clock,
+                asked=asked,
             )
     except NotWritten as lost:
         try:
-            result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points, frame)
+            result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points, frame, asked)
         except NotWritten as nowhere:
             tell(nowhere.result)
             raise

@@ -62,7 +62,8 @@ class Options:
         solver: of the sums of squares: "batched", our own, or "clarabel", through CVXPY; either gives hints.
         robustness: whether control period, disturbances and delay that a certified funnel absorbs are proven too.
         period: s, for which the law that looks one hold ahead holds its inputs at most: proven too, of a path that is
-            one straight line or one circle; None: not asked.
+            one straight line or one circle; None: not asked. A run is certified only if it is proven.
+        delay: s, by which the poses that this law sees are old at most; with `period` only. None: they are not late.
         cars: how many are driven through a certified funnel.
 
     Raises:
@@ -83,6 +84,7 @@ class Options:
     solver: str = DEFAULT
     robustness: bool = True
     period: float | None = None
+    delay: float | None = None
     cars: int = 10_000
 
     def __post_init__(self) -> None:
@@ -100,10 +102,13 @@ class Options:
             beta_inner=inner_level(self.beta_inner, self.beta_lower),
             robustness=flag("robustness", self.robustness),
             period=None if self.period is None else number("period", self.period, "s", above=0, most=LONGEST_PERIOD),
+            delay=None if self.delay is None else number("delay", self.delay, "s", above=0, most=LONGEST_PERIOD),
             **{name: whole(name, getattr(self, name), bound) for name, bound in least.items()},
         )
         if self.period is not None and not self.robustness:
             raise InputError("period: expected robustness=true, with which it is proven, got robustness=false")
+        if self.delay is not None and self.period is None:
+            raise InputError(f"delay: expected a period too, got delay={self.delay:g} alone")
         if self.objective.margin is not None and not self.chosen_learner.objectives:
             name = self.chosen_learner.name
             raise InputError(f"objective: expected margin with learner={name}, got {self.objective.kind}")

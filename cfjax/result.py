@@ -101,7 +101,8 @@ class Sampled:
     """What is proven of the law that looks one hold ahead (`cfjax.control.sampled`): `period` (s) is the longest hold.
 
     It takes one of `inputs` (u0, *vehicle inputs), and on the shell V falls at `decrease` (1/s) or more. `bends` bounds
-    the derivative of V of order `order` + 1 under each of them.
+    the derivative of V of order `order` + 1 under each of them. A pose that it sees may be `delay` s old: it predicts
+    (`cfjax.control.prediction`), and from V ≤ `level` on stays in V ≤ 1 until the first pose is there.
     """
 
     period: float
@@ -109,6 +110,9 @@ class Sampled:
     decrease: float
     inputs: tuple[tuple[float, ...], ...]
     bends: tuple[float, ...]
+    delay: float = 0.0
+    level: float = 1.0
+    start: int = 0  # the number of the input that is held until then
 
 
 @dataclass(frozen=True)
@@ -231,6 +235,12 @@ class Result:
         """The same result with some fields changed."""
         return replace(self, **changes)
 
+    def without_claim(self, verdict: Verdict, message: str) -> "Result":
+        """The same funnels under another verdict: without a certificate, and without margins that one proves."""
+        nothing = {"margin_certified": None, "margin_per_metre": None, "contraction": None, "stretches": ()}
+        segments = tuple(replace(segment, **nothing) for segment in self.segments)
+        return replace(self, verdict=verdict, message=message, account=(), segments=segments, document=None)
+
     # --- for people
 
     @property
@@ -296,18 +306,12 @@ class Result:
         law = ", under the law that is told the speed alone" if self.margin_per_metre else ""
         often = f" (control at {rounded_up(1 / alone.period, 3)} Hz or faster)" if alone.period else ""
         rates = _by_state(vehicle, [rounded_down(rate, 2) for rate in alone.disturbance], vehicle.rate_units)
-        holds = robustness.sampled
-        ahead = (
-            [("sampled control", f"{rounded_down(holds.period, 3, MILLI)} ms, by the law that looks one hold ahead")]
-            if holds
-            else []
-        )
         return [
+            *_looks_ahead(robustness.sampled),
             ("absorbs", f"one of the following{law}"),
             ("control period", f"{rounded_down(alone.period, 3, MILLI)} ms{often}"),
             ("delay", f"{rounded_down(alone.delay, 3, MILLI)} ms, of all that is measured"),
             ("disturbance", f"{rates}, of one state's rate"),
-            *ahead,
         ]
 
     def _driven(self, loop: ClosedLoop) -> list[tuple[str, str]]:
@@ -325,6 +329,16 @@ class Result:
             span = first if first == last else f"{first} to {last}"  # with trajectory tracking all arrive at once
             found.append(("arrival", f"after {span} s, of these cars"))
         return found
+
+
+def _looks_ahead(holds: Sampled | None) -> list[tuple[str, str]]:
+    if holds is None:
+        return []
+    found = [("sampled control", f"{rounded_down(holds.period, 3, MILLI)} ms, by the law that looks one hold ahead")]
+    if holds.delay:
+        late = f"{rounded_down(holds.delay, 3, MILLI)} ms, of the pose, by prediction"
+        found.append(("its delay", f"{late}; from starts in V <= {rounded_down(holds.level, 3)}"))
+    return found
 
 
 def _by_state(vehicle: Vehicle, values: Sequence[str], units: Sequence[str] = ()) -> str:

@@ -4,15 +4,17 @@ import os
 import sys
 import time
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
 from cfjax import coerce
 from cfjax.ahead import compile_ahead
 from cfjax.certificate import Statement, proof_size, require_posable, require_room, robustness_of, statement_of
+from cfjax.certificate.absorbed import held_to, with_amounts
 from cfjax.certificate.prover import NotProven
+from cfjax.certificate.robustness import Hints, with_holds
 from cfjax.certificate.trace import dynamics_of
+from cfjax.check import check_document
 from cfjax.check.reader import Broken
+from cfjax.check.replay import check_robustness
 from cfjax.check.structure import has_tube_structure, require_tube_structure
 from cfjax.clock import Clock
 from cfjax.errors import InputError, Interrupted
@@ -36,7 +38,8 @@ MOST_TRIED = 8  # of a path that no tube holds: more of them are learned only wh
 def synthesize(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
     """Find a control funnel function with the largest margin λ, prove it, and drive cars through it.
 
-    `search` and `drive` in one, for whoever does not have to save the proof in between.
+    `search`, a proof of the period that is asked for, and `drive` in one, for whoever does not have to save the proof
+    in between.
 
     Args:
         problem: the question.
@@ -49,7 +52,7 @@ def synthesize(problem: Problem, options: Options = Options(), progress: Progres
     """
     coerce.function("progress", progress)
     with watched(progress) as clock:
-        return drive(search(problem, options, clock), options, clock)
+        return drive(_hardened(search(problem, options, clock), options, clock), options, clock)
 
 
 def search(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:
@@ -57,6 +60,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 
     Learn, certify, and where the proof falls short of what the falsifier could not refute, learn again from the points
     that stood in the way. The best certified funnel is what is returned. `inconclusive` is no proof that none exists.
+    The period that is asked for is no part of it: that is proven by `synthesize`, or in the run folder.
     What is given and changes nothing, and what another unit explains better, is named on stderr, in a line each.
     Problem, options and progress are those of `synthesize`.
 
@@ -164,26 +168,38 @@ def _by_tubes(problem: Problem, options: Options, clock: Clock) -> Result:
         return found or hold_by_learning(problem, learned)
 
 
-def harden(result: Result, options: Options = Options(), progress: Progress | None = None) -> dict[str, Any] | None:
-    """Hints for what the funnels of a certified result absorb; None where not asked.
-
-    Where the period that is asked for is not proven, one line on stderr says why, and the rest comes without it.
+def harden(result: Result, options: Options = Options(), progress: Progress | None = None) -> Hints:
+    """Hints for what the funnels of a certified result absorb, and for the period and delay that are asked for.
 
     Raises:
         ValueError, NotProven: nothing was found.
     """
     coerce.objects(result=(result, Result), options=(options, Options))
     if not options.robustness:
-        return None
-    harden_with = partial(robustness_of, result, workers=_cores(), solver=options.solver)
+        return Hints(None)
     with watched(progress) as clock, clock.stage("robustness"):
+        file = robustness_of(result, workers=_cores(), solver=options.solver)
+        if file is None or result.document is None or options.period is None:
+            return Hints(file)
         try:
-            return harden_with(period=options.period)
+            return Hints(file, with_holds(result.document, file, options.period, options.delay, options.solver))
         except (NotProven, ValueError) as failure:
-            if options.period is None:
-                raise
-            print(f"warning: period: {options.period:g} s are not proven: {failure}", file=sys.stderr)
-        return harden_with()
+            return Hints(file, lack=str(failure))
+
+
+def _hardened(result: Result, options: Options, clock: Clock) -> Result:
+    """The result with what the checker shows of the period and the delay that are asked for, if that is enough."""
+    if options.period is None or result.verdict is not Verdict.CERTIFIED:
+        return result
+    try:
+        hints = harden(result, options, clock)
+        if hints.whole is None:
+            return held_to(result, options.period, options.delay, hints.lack)
+        with clock.stage("check"):
+            report = check_robustness(check_document(result.document), result.document, hints.whole)
+    except (NotProven, ValueError) as failure:
+        return held_to(result, options.period, options.delay, str(failure))
+    return held_to(with_amounts(result, report), options.period, options.delay, report.refusal)
 
 
 def drive(result: Result, options: Options = Options(), progress: Progress | None = None) -> Result:

@@ -12,8 +12,9 @@ import pytest
 from PIL import Image
 
 import cfjax.simulate.__main__ as command
+from cfjax.errors import InputError
 from cfjax.problem import Frame, Interval, Problem, ball, circle, tube
-from cfjax.result import Absorbed, Robustness
+from cfjax.result import Absorbed, Robustness, Sampled
 from cfjax.simulate import experiment
 from cfjax.simulate.report import account_of_period
 from cfjax.simulate.tube_course import winding
@@ -194,6 +195,40 @@ def test_a_period_is_proven_of_the_model_under_a_law_that_inherits(
     account = account_of_period(asked)
     assert account is None if said is None else said in str(account)
     assert "within" not in str(account) or said == account
+
+
+AHEAD = Sampled(0.05, 3, 0.5, ((0.5, -1.0, 0.0), (1.0, 0.2, 0.0), (2.0, 1.0, 4.0)), (1.0, 2.0, 3.0), 0.05, 0.8, 1)
+
+
+@pytest.mark.parametrize(
+    ("noise", "period", "said"),
+    [
+        ("none", None, "control period 50 ms: within the proven 50 ms"),
+        ("none", 0.06, "control period 60 ms: longer than the proven 50 ms"),
+        ("delay=0.05", 0.025, "control period 25 ms, delay 50 ms: within the proven 50 ms, 50 ms"),
+        ("delay=0.1", 0.05, "control period 50 ms, delay 100 ms: longer than the proven 50 ms, 50 ms"),
+        ("delay=0.04", 0.05, "of this plant and noise nothing is proven"),  # poses between two control instants
+        ("delay=0.05,position=0.001", 0.05, "of this plant and noise nothing is proven"),
+    ],
+)
+def test_a_law_that_looks_ahead_has_its_own_period_and_delay(
+    noise: str, period: float | None, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hand_made
+) -> None:
+    absorbed = Absorbed(0.0015, (0.1,) * 4, (0.1,) * 4, 0.001)
+    run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
+    run = run.replace(robustness=Robustness(absorbed, 0.9, absorbed, 0.9, (), AHEAD))
+    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
+    question = experiment.Question(tmp_path, noise=noise, law="sampled", period=period, starts="worst", n=2)
+    asked = experiment.ask(question)
+    assert asked.period == (0.05 if period is None else period)
+    assert said in str(account_of_period(asked))
+
+
+def test_without_a_proof_no_law_looks_ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hand_made) -> None:
+    run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
+    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
+    with pytest.raises(InputError, match="--law sampled: expected a run with period=…"):
+        experiment.ask(experiment.Question(tmp_path, law="sampled"))
 
 
 def test_the_winding_path_reaches_nearly_both_ends_of_the_tube() -> None:

@@ -18,8 +18,8 @@ from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import dyadic
 from cfjax.certificate.writing import write_grams
 from cfjax.check.enclosure import LARGEST_EFFORT
+from cfjax.check.held_ranges import DEGREES, FORK_DEGREE, HeldRange, HoldCell, Part, SampledClaim
 from cfjax.check.program import CellProof
-from cfjax.check.sampled import DEGREES, FORK_DEGREE, HeldRange, HoldCell, Part, SampledClaim
 from cfjax.solver import Program, Solution, Solver
 from cfjax.solver.points import vandermonde
 from cfjax.verdict import Verdict

@@ -49,12 +49,16 @@ BAND, MOST_BANDS = 3.0, 2  # ratio of a band's speeds; each costs up to some hun
 LOSS, HALVINGS = 1.1, 4  # a stretch is halved if the outer levels have that many times the bound of the inner ones
 
 
-def robustness_of(
-    result: Result, workers: int = 1, solver: str | Solver = DEFAULT, period: float | None = None
-) -> dict[str, Any] | None:
-    """The file of hints for a certified result; None where there is nothing that is certified.
+class Hints(NamedTuple):
+    """The file of hints for a certified result, where there is one; the same with what else was asked, or why not."""
 
-    With a `period` (s) also of a law that looks so far ahead and holds what it chooses (`cfjax.check.sampled`).
+    file: dict[str, Any] | None
+    whole: dict[str, Any] | None = None
+    lack: str = ""
+
+
+def robustness_of(result: Result, workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any] | None:
+    """The file of hints for a certified result; None where there is nothing that is certified.
 
     Raises:
         NotProven, Broken, ValueError: as `robustness_document`.
@@ -62,12 +66,10 @@ def robustness_of(
     document, workers = instance("result", result, Result).document, whole("workers", workers, 1)
     if document is None or document["claim"] != "funnel":
         return None
-    return robustness_document(document, workers, solver, period)
+    return robustness_document(document, workers, solver)
 
 
-def robustness_document(
-    document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT, period: float | None = None
-) -> dict[str, Any]:
+def robustness_document(document: dict[str, Any], workers: int = 1, solver: str | Solver = DEFAULT) -> dict[str, Any]:
     """The file of hints for a certificate: the document that the checker accepted.
 
     Raises:
@@ -77,10 +79,27 @@ def robustness_document(
     certificate, oracle = read_certificate(document), solver_named(solver, workers)
     count = range(len(certificate.claims.funnels))
     funnels = [_funnel_hints(certificate, index, oracle) for index in count]
-    sampled = {}
-    if period is not None:
-        sampled[SAMPLED] = sampled_hints(steady_leg(certificate), rational(period), oracle)
-    return _with_amounts(document, funnels, certificate.claims, sampled)
+    return _with_amounts(document, funnels, certificate.claims)
+
+
+def with_holds(
+    document: dict[str, Any],
+    file: dict[str, Any],
+    period: float,
+    delay: float | None = None,
+    solver: str | Solver = DEFAULT,
+) -> dict[str, Any]:
+    """The file of hints for a certificate, with those for a law that looks a `period` (s) ahead.
+
+    With a `delay` (s) also for poses that come so late. What is stated is said in `cfjax.check.sampled`.
+
+    Raises:
+        NotProven: nothing was found for some part of the funnel.
+        Broken, ValueError: a vehicle, a V or a path of a kind that is not looked at.
+    """
+    leg, late = steady_leg(read_certificate(document)), None if delay is None else rational(delay)
+    sampled = sampled_hints(leg, rational(period), solver_named(solver), late)
+    return with_hash(CLAIM, {name: file[name] for name in ("certificate", "amounts", "funnels")} | {SAMPLED: sampled})
 
 
 def _funnel_hints(certificate: Certificate, index: int, solver: Solver) -> dict[str, Any]:
@@ -98,19 +117,17 @@ def _funnel_hints(certificate: Certificate, index: int, solver: Solver) -> dict[
     return {"bounds": write_bounds(bounds), "stretches": hints_within(question, as_proven, solver)}
 
 
-def _with_amounts(
-    document: dict[str, Any], funnels: list[dict[str, Any]], claims: Claims, sampled: dict[str, Any]
-) -> dict[str, Any]:
-    """The whole file: it states the largest amounts that are found for what its hints prove, and `sampled` beside."""
+def _with_amounts(document: dict[str, Any], funnels: list[dict[str, Any]], claims: Claims) -> dict[str, Any]:
+    """The whole file: it states the largest amounts that are found for what its hints prove."""
 
-    def file(stated: Stated, **more: Any) -> dict[str, Any]:
+    def file(stated: Stated) -> dict[str, Any]:
         content = {"certificate": document["hash"], "amounts": write_amounts(stated), "funnels": funnels}
-        return with_hash(CLAIM, content | more)
+        return with_hash(CLAIM, content)
 
     none = (fmpq(0),) * len(claims.problem.vehicle.states)
     nothing = Absorbed(fmpq(0), none, none, fmpq(0))
     _, bounds = stated_and_proven(document, file(Stated(nothing, nothing, ())))
-    return file(largest_amounts(bounds), **sampled)
+    return file(largest_amounts(bounds))
 
 
 def held_shape(states: int) -> Shape:

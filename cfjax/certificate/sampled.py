@@ -21,15 +21,10 @@ from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import dyadic, round_whitening
 from cfjax.certificate.writing import write_unary
 from cfjax.check.enclosure import LARGEST_EFFORT, UnaryEnclosure
+from cfjax.check.held_derivatives import SteadyLeg
+from cfjax.check.held_ranges import RISE, HeldRange, HoldCell, Inputs, Part, SampledClaim, held_ranges, span_of
 from cfjax.check.program import CellProof
-from cfjax.check.sampled import (
-    HeldRange,
-    Inputs,
-    SampledClaim,
-    SteadyLeg,
-    held_ranges,
-    span_of,
-)
+from cfjax.check.sampled_hints import START_UP
 from cfjax.solver import Solver
 from cfjax.verdict import Verdict
 
@@ -41,8 +36,10 @@ ENOUGH = 0.5  # of λ: what samples have to say of three levels, or there are mo
 SHARE = 0.5  # of what samples say: so much λ' is looked for. More of it takes more leaves
 
 
-def sampled_hints(leg: SteadyLeg, period: fmpq, solver: Solver) -> dict[str, Any]:
+def sampled_hints(leg: SteadyLeg, period: fmpq, solver: Solver, delay: fmpq | None = None) -> dict[str, Any]:
     """What is stated of holds up to the period (s), with hints; with three levels of each input, or more of one.
+
+    With a `delay` (s) also of the time until a first pose that is so late.
 
     Raises:
         NotProven: a part of the funnel for which nothing was found.
@@ -50,9 +47,9 @@ def sampled_hints(leg: SteadyLeg, period: fmpq, solver: Solver) -> dict[str, Any
     """
     motion = _Motion.of(leg)
     try:
-        return hints_with(leg, period, motion.levels(), solver, least=ENOUGH * float(leg.funnel.margin))
+        return hints_with(leg, period, motion.levels(), solver, least=ENOUGH * float(leg.funnel.margin), delay=delay)
     except NotProven:
-        return hints_with(leg, period, motion.levels(motion.strongest), solver)
+        return hints_with(leg, period, motion.levels(motion.strongest), solver, delay=delay)
 
 
 def hints_with(
@@ -60,8 +57,10 @@ def hints_with(
     period: fmpq,
     levels: Sequence[Sequence[fmpq]],
     solver: Solver,
+    *,
     order: int = ORDER,
     least: float = 0.0,
+    delay: fmpq | None = None,
 ) -> dict[str, Any]:
     """The same with these levels of each input, and so many derivatives of V in the polynomial.
 
@@ -72,12 +71,28 @@ def hints_with(
         choices: tuple[Inputs, ...] = tuple(itertools.product(*levels))
         nothing = (fmpq(0),) * len(choices)
         claim = SampledClaim(period, order, fmpq(1), choices, nothing, _cuts(leg, period))
-        return _stated(leg, claim, solver, least)
+        asked = [(_with_functions(held), parts) for held, parts in held_ranges(leg, claim)]
+        start = {} if delay is None else {START_UP: _start_up(leg, [held for held, _ in asked], delay, solver)}
+        return _stated(asked, claim, solver, least) | start
 
 
-def _stated(leg: SteadyLeg, claim: SampledClaim, solver: Solver, least: float) -> dict[str, Any]:
-    asked = [(_with_functions(held), parts) for held, parts in held_ranges(leg, claim)]
-    bends = [_bends(held, solver) for held, _ in asked]
+def _start_up(leg: SteadyLeg, each: Sequence[HeldRange], delay: fmpq, solver: Solver) -> dict[str, Any]:
+    """How fast V may rise under the reference's own inputs, until a pose is there that is `delay` (s) late."""
+    choice = each[0].choices.index(_Motion.of(leg).own)
+    bounds = [_bounds(held, [HoldCell(RISE, choice)], solver)[0] for held in each]
+    rise = max(fmpq(1, 2**LEVEL_BITS), *(-margin for margin, _ in bounds))
+    rise = fmpq((rise * 2**LEVEL_BITS).ceil(), 2**LEVEL_BITS)
+    if not rise * delay < 1:
+        change = f"V rises at up to {float(rise):.3g} 1/s under the reference's own inputs"
+        raise NotProven(Verdict.INCONCLUSIVE, f"sampled: {change} until a pose is there, {float(delay):g} s late")
+    proofs = [write_proof(proof) for _, proof in bounds]
+    return {"delay": str(delay), "choice": choice, "rise": str(rise), "proofs": proofs}
+
+
+def _stated(
+    asked: Sequence[tuple[HeldRange, tuple[Part, ...]]], claim: SampledClaim, solver: Solver, least: float
+) -> dict[str, Any]:
+    bends = [_bounds(held, list(held.cells()), solver) for held, _ in asked]
     largest = (max(fmpq(0), *(-margin for margin, _ in each)) for each in zip(*bends, strict=True))
     claim = replace(claim, bends=tuple(fmpq(bound.ceil()) for bound in largest))
     growers = [[TreeGrower(held, part, claim, solver) for part in parts] for held, parts in asked]
@@ -165,9 +180,8 @@ def _with_functions(held: HeldRange) -> HeldRange:
     return replace(held, enclosures=enclosures)
 
 
-def _bends(held: HeldRange, solver: Solver) -> list[tuple[fmpq, CellProof]]:
-    """Of each input the margin −R_u that is proven on the range, and its proof."""
-    cells = list(held.cells())
+def _bounds(held: HeldRange, cells: Sequence[HoldCell], solver: Solver) -> list[tuple[fmpq, CellProof]]:
+    """Of each cell the margin that is proven on the range, minus a bound of a derivative of V, and its proof."""
     programs = [program_at(held, cell) for cell in cells]
     found = []
     for cell, program, solution in zip(cells, programs, solved(solver, programs), strict=True):

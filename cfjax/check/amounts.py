@@ -26,8 +26,8 @@ from flint import fmpq
 
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.funnel import LAW_SHARE
+from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.reader import Broken
-from cfjax.check.sampled import SampledClaim
 
 
 SHARE = LAW_SHARE - fmpq(1, 2**20)  # λ'/λ: what a law that computes in floating point surely reaches

@@ -11,6 +11,7 @@ from cfjax.check.amounts import Absorbed, Stated
 from cfjax.check.bounds import Bounds, read_bounds
 from cfjax.check.document import Claims, read_header
 from cfjax.check.held import ORDERS
+from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.hints import (
     MOST_GRAM_ENTRIES,
     MOST_STRETCHES,
@@ -22,7 +23,7 @@ from cfjax.check.hints import (
 )
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Broken, Item
-from cfjax.check.sampled import RangeHints, SampledClaim
+from cfjax.check.sampled import RangeHints
 from cfjax.check.sampled_hints import read_sampled
 
 

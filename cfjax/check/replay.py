@@ -29,6 +29,7 @@ from cfjax.check.upper_bound_file import is_upper_bound, read_upper_bound
 
 
 CERTIFICATE_NAME, ROBUSTNESS_NAME = "certificate.json", "robustness.json"
+WITHOUT_PERIOD = "without-period"  # the folder, in that of a run, of what is proven where its period is not
 
 
 def check_file(path: str | Path, skip_hash: bool = False) -> Report:
@@ -41,7 +42,9 @@ def check_file(path: str | Path, skip_hash: bool = False) -> Report:
         if where.is_dir():
             beside = where / ROBUSTNESS_NAME
             hints = read_json(beside) if beside.exists() else None
-            where = where / CERTIFICATE_NAME
+            less, where = where / WITHOUT_PERIOD, where / CERTIFICATE_NAME
+            if less.exists() and not where.exists():
+                raise Unreadable(f"the period that this run asks for is not proven; what is proven without it: {less}")
         document = read_json(where)
     except (Unreadable, OSError, ValueError) as error:  # ValueError: a path with a null character
         return Report(Outcome.UNREADABLE, _one_line(error))

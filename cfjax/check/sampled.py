@@ -13,50 +13,48 @@ s ≤ h. What has to be shown is that for every deviation some u of the set has
 
 Then V never rises above 1, and on the shell it falls at λ' from one choice to the next, however long each hold is.
 
-For V = e^{kθ} q the derivatives are e^{kθ} P_n with P_0 = q and P_{n+1} = ∇P_n · f + k u0 P_n: exact polynomials in
-states, inputs and the sines of states. θ is eliminated as in `cfjax.check.level`: ranges of q = xᵀ C x cover the
-funnel, and drop(q) is at least e^{−kθ} wherever the claim is made.
+The derivatives are exact polynomials (`cfjax.check.held_derivatives`), and what is asked of them is put range by range
+of q = xᵀ C x (`cfjax.check.held_ranges`).
 
 **The cut.** Where some input does it, a tree says: each fork holds a polynomial, and the deviations where it is not
 negative go one way, all others the other way. Whatever the polynomials are, the leaves cover the range. A leaf names
 one input, and sums of squares show B_j there (`cfjax.check.program`), with the forks on the way as constraints.
+
+**Late poses.** A law that knows how old a pose is, and which inputs were held since, knows the deviation at which its
+next input begins to act: the model's motion. So all of the above holds from the first choice on. Until the first pose
+is there, for τ* or less, one input of the set is held. If V' ≤ D under it wherever V ≤ 1, V ≤ 1 − D τ* at the start
+suffices (`cfjax.check.held_ranges.StartUp`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
-from itertools import pairwise
-from math import comb, factorial
-from types import MappingProxyType
-from typing import NamedTuple
 
 from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.bounds import Range
 from cfjax.check.document import Certificate
-from cfjax.check.enclosure import LARGEST_EFFORT, Budget, Enclosure, UnaryEnclosure
-from cfjax.check.funnel import FunnelClaim
-from cfjax.check.held import TIMING
+from cfjax.check.enclosure import LARGEST_EFFORT, Budget
+from cfjax.check.held_derivatives import SteadyLeg
+from cfjax.check.held_ranges import (
+    BEND,
+    ORDERS,
+    RISE,
+    Coefficients,
+    HeldRange,
+    HoldCell,
+    Part,
+    SampledClaim,
+    StartUp,
+    held_ranges,
+)
 from cfjax.check.hints import EnclosureHints
-from cfjax.check.level import Affine, Contracting, LevelPiece
-from cfjax.check.parametric import Combination, Parametric
-from cfjax.check.program import CellProof, FunnelProgram, Gram, Matrix, monomials
+from cfjax.check.program import CellProof, Gram, Matrix
 from cfjax.check.proof import MOST_EFFORT, Question, dynamics_of, prove_enclosures
 from cfjax.check.rational import sqrt_lower, sqrt_upper
 from cfjax.check.reader import Broken
 from cfjax.check.reference import Gap
-from cfjax.check.symbolic import Symbolic
 
 
-DEGREES = (3, 2)  # of the monomials in Gram matrices of a leaf: of the free square, and of forks and the range
-BEND_DEGREES = (2, 1)  # of a bound on V^(m+1)
-FORK_DEGREE = 2  # of the polynomials at forks
-ORDERS = (2, 3)
-BEND = -1  # in place of the number of a Bernstein coefficient: the claim on V^(m+1)
-
-Coefficients = tuple[fmpq, ...]
 Proof = tuple[fmpq, tuple[Gram, ...]]  # margin and Gram matrices
-Inputs = tuple[fmpq, ...]  # in the order of the problem's
 
 
 @dataclass(frozen=True)
@@ -87,351 +85,7 @@ class RangeHints:
     enclosures: EnclosureHints  # by the number of the function among those of the dynamics
     bends: tuple[Proof, ...]
     trees: tuple[Tree, ...]
-
-
-@dataclass(frozen=True)
-class SampledClaim:
-    """What is stated of holds of up to `period` (s): one of `choices` does it, and V falls at `decrease` (1/s).
-
-    `bends` has R_u (1/s^{m+1}) for each of the choices, m being the `order`.
-    """
-
-    period: fmpq
-    order: int
-    decrease: fmpq
-    choices: tuple[Inputs, ...]
-    bends: tuple[fmpq, ...]
-    cuts: tuple[fmpq, ...]  # between which ranges of q the proof is put together
-
-    def left_out(self, choice: int) -> fmpq:
-        """ρ, 1/s."""
-        return self.period**self.order / factorial(self.order + 1) * self.bends[choice]
-
-    def need(self, part: "Part", choice: int, j: int) -> fmpq:
-        """By how many drops −B_j + slack has to be above zero, 1/s."""
-        asked = self.decrease if part.is_shell else fmpq(0)
-        return asked + (self.left_out(choice) if j == self.order - 1 else 0)
-
-
-@dataclass(frozen=True)
-class SteadyLeg:
-    """A leg of one turning rate and speed (`profile`, by the graph's names), and what is asked of its funnel.
-
-    `duration` in s; `gap` is the jump of the reference where the leg closes a lap.
-    """
-
-    question: Question
-    profile: Mapping[str, fmpq]
-    duration: fmpq
-    gap: Gap | None
-
-    @property
-    def dynamics(self) -> Symbolic:
-        """In symbols."""
-        return self.question.dynamics
-
-    @property
-    def funnel(self) -> FunnelClaim:
-        """V."""
-        return self.question.funnel
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Their names."""
-        return self.question.model.vehicle.states
-
-    @property
-    def inputs(self) -> Mapping[str, Range]:
-        """The box by name, u0 first."""
-        return self.question.model.inputs
-
-
-# --- derivatives of V
-
-
-def derivatives(leg: SteadyLeg, order: int) -> list[fmpq_mpoly]:
-    """P_1 … P_order: derivatives of V/σ, in the symbols of the dynamics with the numbers of the reference put in.
-
-    Raises:
-        Broken: the dynamics apply a function to something else than states.
-        ValueError: a polynomial is larger than the checker takes, or a derivative of it is not known.
-    """
-    dynamics, funnel = leg.dynamics, leg.funnel
-    states, domain = leg.states, leg.dynamics.domain
-    _require_functions_of_states(dynamics, states)
-    symbols, zero = dynamics.symbols, domain.ring.constant(0)
-    profile = {f"reference:{name}": value for name, value in leg.profile.items()}
-    generators = domain.ring.names()
-    numbers: dict[str | int, fmpq | int] = {
-        generators[dynamics.names.index(name)]: value for name, value in profile.items()
-    }
-    rates = [rate.subs(numbers) for rate in dynamics.rates]
-    circles = _circles(dynamics)
-    pairs = ((i, j) for i in range(len(states)) for j in range(len(states)))
-    value = sum((funnel.shape[i][j] * symbols[states[i]] * symbols[states[j]] for i, j in pairs), zero)
-    found = []
-    for _ in range(order):
-        along = (
-            domain.product(dynamics.derivative(value, state), rate) for state, rate in zip(states, rates, strict=True)
-        )
-        turned = domain.product(value, funnel.level.rate * symbols[TIMING])
-        value = reduce(domain.sum, along, turned)
-        for circle in circles:
-            value = domain.rest(value, circle)
-        found.append(value)
-    return found
-
-
-def _require_functions_of_states(dynamics: Symbolic, states: Sequence[str]) -> None:
-    known = {dynamics.names.index(state) for state in states}
-    for index, (function, argument) in dynamics.functions.items():
-        if any(power and k not in known for e in argument.to_dict() for k, power in enumerate(map(int, e))):
-            raise Broken(f"vehicle: sampled control is proven for dynamics whose {function} is of the states alone")
-        known.add(index)
-
-
-def _circles(dynamics: Symbolic) -> list[fmpq_mpoly]:
-    """sin² + cos² − 1, which is zero, for each argument that both are applied to."""
-    found, ring = [], dynamics.domain.ring
-    for index, (function, argument) in dynamics.functions.items():
-        for other, (cofunction, same) in dynamics.functions.items():
-            if (function, cofunction) == ("sin", "cos") and argument == same:
-                found.append(ring.gens()[index] ** 2 + ring.gens()[other] ** 2 - 1)
-    return found
-
-
-def control_points(each: Sequence[fmpq_mpoly], period: fmpq) -> list[fmpq_mpoly]:
-    """B_0 … B_{m−1} from P_1 … P_m."""
-    size = len(each)
-    found = []
-    for j in range(size):
-        weights = (period**k * fmpq(comb(j, k), comb(size - 1, k) * factorial(k + 1)) for k in range(j + 1))
-        found.append(sum((weight * value for weight, value in zip(weights, each, strict=False)), 0 * each[0]))
-    return found
-
-
-# --- ranges of q
-
-
-class Part(NamedTuple):
-    """What is asked on a range: −B_j + slack ≥ need drop, slack and drop affine in q (`SampledClaim.need`)."""
-
-    slack: Affine
-    drop: Affine
-    is_shell: bool
-
-
-class Asked(NamedTuple):
-    """A range of q; its `drop` is at most 1/σ on V ≤ 1, which bounds of V^(m+1) need."""
-
-    piece: LevelPiece
-    parts: tuple[Part, ...]
-
-
-def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]:
-    """Ranges of q that cover the funnel while θ is in the span, with what is asked there; one of them in pieces.
-
-    Inside, where V ≤ β̲, 1/σ is at least `room`. There B_j ≤ (1/σ − q)/h − ρ/σ is asked, ρ for the last j alone: where
-    ρ ≤ 1/h it is worst where 1/σ is least.
-
-    Raises:
-        Broken: for a V of another template, or cuts that do not follow each other where V may be β̲.
-    """
-    level, beta, zero = funnel.level, funnel.beta_lower, fmpq(0)
-    if not isinstance(level, Contracting):
-        raise Broken("sampled: expected a V of the template contracting")
-    least, peak = level.extent(span)
-    timing = zero, level.rate
-    ends = beta * least, *claim.cuts, beta * peak
-    if any(lower >= upper for lower, upper in pairwise(ends)):
-        raise Broken("sampled: the cuts do not follow each other in the range that they cut")
-    rising, itself = (zero, 1 / beta), (zero, fmpq(1))
-
-    def inside(room: Affine) -> Part:
-        return Part((room[0] / claim.period, (room[1] - 1) / claim.period), room, is_shell=False)
-
-    def shell(drop: Affine) -> Part:
-        return Part((zero, zero), drop, is_shell=True)
-
-    middle = (Asked(LevelPiece(*each, timing, itself), (inside(rising), shell(rising))) for each in pairwise(ends))
-    return [
-        Asked(LevelPiece(zero, beta * least, timing, (least, zero)), (inside((least, zero)),)),
-        *middle,
-        Asked(LevelPiece(beta * peak, peak, timing, itself), (shell((peak, zero)),)),
-    ]
-
-
-class HoldCell(NamedTuple):
-    """One of the values of a range at an input, where polynomials are not negative: B_j of a part, or P_{m+1}."""
-
-    value: int  # j, or BEND
-    choice: int
-    part: Part | None = None
-    forks: tuple[fmpq_mpoly, ...] = ()
-
-
-@dataclass(frozen=True)
-class HeldRange(FunnelProgram):
-    """Polynomials in y, x = W y, on one range of q, and what is claimed there; a cell of P_{m+1} has margin −R_u.
-
-    `values` are B_0 … B_{m−1} and P_{m+1}, in the symbols of `dynamics`.
-    """
-
-    dynamics: Symbolic
-    values: Sequence[fmpq_mpoly]
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    choices: tuple[Inputs, ...]
-    shape: Matrix  # C
-    whitening: Matrix
-    piece: LevelPiece
-    enclosures: Mapping[int, UnaryEnclosure]
-
-    @property
-    def peak(self) -> fmpq:
-        return self.piece.upper
-
-    @cached_property
-    def functions(self) -> dict[int, Enclosure]:
-        """Each function that the dynamics apply, by its generator's number."""
-        found: dict[int, Enclosure] = {}
-        for number, (index, (_, argument)) in enumerate(self.dynamics.functions.items()):
-            found[index] = self.argument(argument, found).apply(self.enclosures[number])
-        return found
-
-    def argument(self, value: fmpq_mpoly, functions: Mapping[int, Enclosure] = MappingProxyType({})) -> Enclosure:
-        """A polynomial in states, and in functions that are enclosed already."""
-        return self._enclosed(value, functions).constant
-
-    @cached_property
-    def enclosed(self) -> list[Parametric]:
-        """The values, inputs being parameters."""
-        return [self._enclosed(value, self.functions) for value in self.values]
-
-    def _enclosed(self, value: fmpq_mpoly, functions: Mapping[int, Enclosure]) -> Parametric:
-        """A polynomial in states, inputs and functions, inputs being parameters."""
-        names = self.dynamics.names
-        count = len(self.states)
-        gathered: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
-        for exponents, coefficient in value.to_dict().items():
-            powers = tuple(map(int, exponents))
-            gathered.setdefault(powers[count:], {})[powers[:count]] = coefficient
-        total = Parametric(self.domain, {})
-        for powers, terms in gathered.items():
-            factor = self.domain.exact(self._in_deviations(terms))
-            parameters: list[str] = []
-            for index, power in enumerate(powers, count):
-                for _ in range(power):
-                    if index < len(names):
-                        parameters.append(names[index])
-                    else:
-                        factor = factor * functions[index]
-            total += Parametric(self.domain, {tuple(parameters): factor})
-        return total
-
-    def _in_deviations(self, terms: Mapping[tuple[int, ...], fmpq], state: int = 0) -> fmpq_mpoly:
-        """Σ c x^e as a polynomial in y, by Horner's rule: in this state, then in the next one."""
-        if state == len(self.states):
-            return self.ring.constant(sum(terms.values(), fmpq(0)))
-        by_power: dict[int, dict[tuple[int, ...], fmpq]] = {}
-        for exponents, coefficient in terms.items():
-            by_power.setdefault(exponents[state], {})[exponents] = coefficient
-        result = self.ring.constant(0)
-        for power in range(max(by_power), -1, -1):
-            result = self.domain.product(result, self.deviations[state])
-            if power in by_power:
-                result = self.domain.sum(result, self._in_deviations(by_power[power], state + 1))
-        return result
-
-    def at(self, value: int, choice: int) -> Combination:
-        """One of the values at one of the inputs."""
-        names = (f"input:{name}" for name in self.inputs)
-        return self.enclosed[value].at(dict(zip(names, self.choices[choice], strict=True)))
-
-    def upper(self, value: int, choice: int, most: int) -> fmpq_mpoly:
-        """A polynomial of degree `most` that is nowhere on the range below one of the values."""
-        rate, radius = self.at(value, choice), self.domain.radius
-        constant, linear, square = rate.remainder
-        square += sum((c * radius ** (d - 2) for d, c in enumerate(rate.sizes(above=most)) if d > most), fmpq(0))
-        lower = self.piece.lower
-        # closest at the inner edge, where remainders weigh most: |y|² is nearly q/peak
-        around = sqrt_upper(lower / self.peak) if lower else fmpq(1)
-        left = Enclosure(self.domain, self.ring.constant(0), (constant, linear, square)).remainder_bound(around)
-        norm_squared = sum((y * y for y in self.ring.gens()), self.ring.constant(0))
-        return self.domain.sum(rate.polynomial(most), norm_squared * left[1] + left[0])
-
-    def fork(self, coefficients: Coefficients) -> fmpq_mpoly:
-        """The polynomial at a fork."""
-        names = monomials(len(self.states), FORK_DEGREE)
-        return self.ring.from_dict({e: c for e, c in zip(names, coefficients, strict=True) if c})
-
-    # --- claims
-
-    def cells(self) -> Iterator[HoldCell]:
-        """Those of R_u; what leaves there are a tree says."""
-        for choice in range(len(self.choices)):
-            yield HoldCell(BEND, choice)
-
-    def degrees_of(self, cell: HoldCell) -> tuple[int, ...]:
-        square, other = DEGREES if cell.part else BEND_DEGREES
-        return square, *[other] * (len(cell.forks) + len(self.edges))
-
-    def target(self, cell: HoldCell) -> fmpq_mpoly:
-        most = self.domain.negative(self.upper(cell.value, cell.choice, 2 * self.degrees_of(cell)[0]))
-        return self.domain.sum(affine(cell.part.slack, self.form), most) if cell.part else most
-
-    def drop(self, cell: HoldCell) -> fmpq_mpoly:
-        return affine(cell.part.drop, self.form) if cell.part else self.piece.drop_at(self.form)
-
-    def least_drop(self, cell: HoldCell) -> fmpq:
-        constant, slope = cell.part.drop if cell.part else self.piece.drop
-        return constant + slope * (self.piece.lower if slope > 0 else self.piece.upper)
-
-    def constraints(self, cell: HoldCell) -> list[fmpq_mpoly]:
-        return [*cell.forks, *self.edges]
-
-    @cached_property
-    def edges(self) -> list[fmpq_mpoly]:
-        """q − q_lo and q_hi − q; the first says nothing where q_lo is 0."""
-        above = [self.form - self.piece.lower] if self.piece.lower > 0 else []
-        return [*above, self.piece.upper - self.form]
-
-
-def affine(coefficients: Affine, q: fmpq_mpoly) -> fmpq_mpoly:
-    """Constant and slope at q."""
-    constant, slope = coefficients
-    return constant + slope * q
-
-
-# --- the proof
-
-
-def span_of(leg: SteadyLeg, period: fmpq) -> Range:
-    """θ at which a car may be within a hold that began on the leg; of a lap, beyond its end too."""
-    return fmpq(0), leg.duration + (leg.inputs["u0"][1] * period if leg.gap else 0)
-
-
-def held_ranges(leg: SteadyLeg, claim: SampledClaim) -> Iterator[tuple[HeldRange, tuple[Part, ...]]]:
-    """The ranges of q without hints yet, with what is asked on each.
-
-    Raises:
-        Broken, ValueError: as `derivatives` and `ranges`.
-    """
-    each = derivatives(leg, claim.order + 1)
-    values = [*control_points(each[:-1], claim.period), each[-1]]
-    for piece, parts in ranges(leg.funnel, span_of(leg, claim.period), claim):
-        held = HeldRange(
-            dynamics=leg.dynamics,
-            values=values,
-            states=leg.states,
-            inputs=tuple(leg.inputs),
-            choices=claim.choices,
-            shape=leg.funnel.shape,
-            whitening=[],
-            piece=piece,
-            enclosures={},
-        )
-        yield held, parts
+    rise: Proof | None = None  # a bound of V' under the input of a start-up, where there is one
 
 
 def prove_holds(certificate: Certificate, claim: SampledClaim, hints: Sequence[RangeHints]) -> None:
@@ -484,6 +138,8 @@ def prove_sampled(leg: SteadyLeg, claim: SampledClaim, hints: Sequence[RangeHint
         proof = _Proof(told, claim, f"sampled, range {index} of q", effort)
         for choice, bend in enumerate(own.bends):
             proof.bend(choice, bend)
+        if claim.start_up is not None:
+            proof.rise(claim.start_up, own.rise)
         for part, tree in zip(parts, own.trees, strict=True):
             proof.tree(part, tree, ())
 
@@ -494,10 +150,20 @@ def _require_sense(leg: SteadyLeg, claim: SampledClaim) -> None:
         raise Broken("sampled: expected a positive period and decrease, and an order of 2 or 3")
     if len(claim.bends) != len(claim.choices) or any(bend < 0 for bend in claim.bends):
         raise Broken("sampled: expected a bound for each of the inputs, none below zero")
+    if claim.start_up is not None:
+        _require_start(leg, claim, claim.start_up)
     for choice in claim.choices:
         inside = (lower <= value <= upper for value, (lower, upper) in zip(choice, box.values(), strict=True))
         if not all(inside):
             raise Broken("sampled: an input is not in the box of inputs")
+
+
+def _require_start(leg: SteadyLeg, claim: SampledClaim, start_up: StartUp) -> None:
+    """θ goes on at the u0 of the input that is held, from a start on the leg to one."""
+    if not start_up.choice < len(claim.choices) or not start_up.delay > 0 or not start_up.rise > 0:
+        raise Broken("sampled: expected a start-up with one of the inputs, a positive delay and a positive rise")
+    if start_up.level <= 0 or claim.choices[start_up.choice][0] * start_up.delay >= leg.duration:
+        raise Broken("sampled: no start is left from which V stays below 1 until the first pose is there")
 
 
 def _prove_lap(leg: SteadyLeg, gap: Gap, claim: SampledClaim) -> None:
@@ -530,6 +196,11 @@ class _Proof:
         """R_u."""
         if -self._shown(HoldCell(BEND, choice), proof) > self.claim.bends[choice]:
             raise Broken(f"{self.where}: derivative {self.claim.order + 1} of V may exceed the bound of input {choice}")
+
+    def rise(self, start_up: StartUp, proof: Proof | None) -> None:
+        """V' until the first pose is there."""
+        if proof is None or -self._shown(HoldCell(RISE, start_up.choice), proof) > start_up.rise:
+            raise Broken(f"{self.where}: V may rise faster than stated until the first pose is there")
 
     def tree(self, part: Part, tree: Tree, forks: tuple[fmpq_mpoly, ...]) -> None:
         """What is asked of a part, on all leaves of its tree."""

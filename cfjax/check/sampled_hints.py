@@ -1,25 +1,16 @@
 """What a file says of sampled control, read. Shapes and sizes are checked, nothing of it is believed."""
 
+from dataclasses import replace
 from math import comb
 
 from flint import fmpq
 
 from cfjax.check.graph import MOST_INPUTS
+from cfjax.check.held_ranges import BEND_DEGREES, DEGREES, FORK_DEGREE, ORDERS, SampledClaim, StartUp
 from cfjax.check.hints import Room, read_enclosures, read_gram, read_matrix
 from cfjax.check.rational import bits
 from cfjax.check.reader import Item
-from cfjax.check.sampled import (
-    BEND_DEGREES,
-    DEGREES,
-    FORK_DEGREE,
-    ORDERS,
-    Fork,
-    Leaf,
-    Proof,
-    RangeHints,
-    SampledClaim,
-    Tree,
-)
+from cfjax.check.sampled import Fork, Leaf, Proof, RangeHints, Tree
 
 
 MOST_CHOICES = 256
@@ -27,6 +18,7 @@ MOST_RANGES = 16
 RANGES_WITHOUT_CUTS = 3
 MOST_FORKS = 24  # on the way to one leaf
 LONGEST_FORK = 256  # bits of each coefficient: every leaf below multiplies by them
+START_UP = "start_up"
 PARTS = 2  # of what is asked on a range: inside the shell, and on it
 
 
@@ -36,8 +28,9 @@ def read_sampled(item: Item, states: int, room: Room) -> tuple[SampledClaim, tup
     Raises:
         Unreadable: says what was expected where.
     """
-    period, order, decrease, inputs, bends, cuts, ranges = item.record(
-        "period", "order", "decrease", "inputs", "bends", "cuts", "ranges"
+    late = (START_UP,) if isinstance(item.value, dict) and START_UP in item.value else ()
+    period, order, decrease, inputs, bends, cuts, ranges, *start_up = item.record(
+        "period", "order", "decrease", "inputs", "bends", "cuts", "ranges", *late
     )
     choices = tuple(_rationals(entry, MOST_INPUTS) for entry in inputs.items(MOST_CHOICES))
     claim = SampledClaim(
@@ -48,7 +41,19 @@ def read_sampled(item: Item, states: int, room: Room) -> tuple[SampledClaim, tup
         bends=_rationals(bends, len(choices), len(choices)),
         cuts=_rationals(cuts, MOST_RANGES - RANGES_WITHOUT_CUTS, 0),
     )
-    return claim, tuple(_range(entry, states, claim, room) for entry in ranges.items(MOST_RANGES))
+    hints = tuple(_range(entry, states, claim, room) for entry in ranges.items(MOST_RANGES))
+    return _with_start(start_up[0], claim, hints, states, room) if start_up else (claim, hints)
+
+
+def _with_start(
+    item: Item, claim: SampledClaim, hints: tuple[RangeHints, ...], states: int, room: Room
+) -> tuple[SampledClaim, tuple[RangeHints, ...]]:
+    """The same with what is stated of late poses, and its proof on each range."""
+    delay, choice, rise, proofs = item.record("delay", "choice", "rise", "proofs")
+    start_up = StartUp(delay.positive(), choice.integer(0, len(claim.choices) - 1), rise.positive())
+    each = (_proof(entry, states, BEND_DEGREES, 0, room) for entry in proofs.items(len(hints), len(hints)))
+    told = tuple(replace(own, rise=proof) for own, proof in zip(hints, each, strict=True))
+    return replace(claim, start_up=start_up), told
 
 
 def _rationals(item: Item, most: int, least: int = 1) -> tuple[fmpq, ...]:

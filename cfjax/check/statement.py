@@ -16,11 +16,11 @@ from cfjax.check.bounds import Bounds, Range, place_of
 from cfjax.check.containment import half_widths
 from cfjax.check.document import Claims
 from cfjax.check.funnel import LAW_SHARE, FunnelClaim
+from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.meaning import Assumptions
 from cfjax.check.problem import Course, ProblemClaim
 from cfjax.check.proven import Bounded, Proven, Refuted, Shown, Violation
 from cfjax.check.rational import about, decimal_text
-from cfjax.check.sampled import SampledClaim
 from cfjax.check.surroundings import Surroundings
 from cfjax.check.vehicle import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim
 
@@ -220,19 +220,29 @@ def _absorbed(shown: Proven, proven: Robustness) -> Section:
             f"or all at once, in every state, from starts in V <= {_down(proven.level)}: held for "
             f"{_down(together.period)} s, rates off by {rates(together.disturbance)}, a measurement of "
             f"{_down(together.delay)} s ago off by {by_state(together.pose_error, units)}",
-            *_sampled(proven.sampled),
+            *_sampled(proven.sampled, tuple(shown.claims.problem.inputs)),
         ),
     )
 
 
-def _sampled(claim: SampledClaim | None) -> tuple[str, ...]:
+def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ...]:
     """What is proven of a law that looks one hold ahead."""
     if claim is None:
         return ()
-    return (
+    held = (
         f"or, under a law that looks one hold ahead and takes one of {len(claim.choices)} inputs: each is held for any "
         f"time up to {_down(claim.period)} s{_frequency(claim.period)}, and on the shell V falls at "
-        f"{_down(claim.decrease)} 1/s or more from one choice to the next",
+        f"{_down(claim.decrease)} 1/s or more from one choice to the next"
+    )
+    late = claim.start_up
+    if late is None:
+        return (held,)
+    first = ", ".join(f"{name} {about(value)}" for name, value in zip(inputs, claim.choices[late.choice], strict=True))
+    return (
+        held,
+        f"that law may see poses up to {_down(late.delay)} s late, if it knows their age and the inputs held since: it "
+        f"predicts; a car that holds {first} until the first pose is there has to start in V <= {_down(late.level)}, "
+        "so early that theta is on the path then",
     )
 
 

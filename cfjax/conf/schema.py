@@ -361,6 +361,7 @@ class Config:
     seed: int = Options.seed
     robustness: bool = Options.robustness
     period: float | None = Options.period
+    delay: float | None = Options.delay
     cars: int = Options.cars
     frame: str = "paper"  # of headings in files: "paper", alpha from +y; or "ros", yaw from +x (page frames.md)
     logger: str = "none"  # "none"; or "wandb", Weights & Biases

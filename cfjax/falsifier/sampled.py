@@ -70,6 +70,31 @@ def first_escape_of_holds(
     return _least(of, problem, funnel, INSIDE, seed, trials)
 
 
+def first_escape_of_start(
+    problem: Problem,
+    segment: Segment,
+    funnel: Funnel,
+    numbers: Holds,
+    *,
+    level: float,
+    horizon: float,
+    start: int = 0,
+    seed: int = 0,
+    trials: int = TRIALS,
+) -> float:
+    """The shortest time (s) found in which a car from V ≤ `level` leaves V ≤ 1 while it holds the choice `start`.
+
+    So long the first pose may be on its way, in truth. Infinite above the horizon.
+
+    Raises:
+        InputError: for a segment whose reference changes.
+    """
+    horizon, level = number("horizon", horizon, "s", above=0), number("level", level, above=0, most=1)
+    held = numbers._replace(choices=numbers.choices[start : start + 1], left_out=numbers.left_out[start : start + 1])
+    of = _asked(problem, segment, funnel, held, partial(_leaving, horizon=horizon, any_choice=True))
+    return _least(of, problem, funnel, INSIDE, seed, trials, level)
+
+
 Score = Callable[[Float[Array, " k"], Float[Array, "k n"]], Array]  # of θ (s) and deviations
 
 
@@ -83,11 +108,13 @@ def _asked(problem: Problem, segment: Segment, funnel: Funnel, numbers: Holds, o
     return jax.jit(jax.vmap(one))
 
 
-def _least(of: Score, problem: Problem, funnel: Funnel, inner: float, seed: int, trials: int) -> float:
-    """The least score found with V from `inner` to 1: deviations are drawn anew around the best ones so far."""
+def _least(
+    of: Score, problem: Problem, funnel: Funnel, inner: float, seed: int, trials: int, outer: float = 1.0
+) -> float:
+    """The least score found with V/`outer` from `inner` to 1: deviations are drawn anew around the best ones so far."""
     rng = np.random.default_rng(whole("seed", seed, 0))
     trials = whole("trials", trials, KEPT)
-    unit = np.linalg.inv(np.linalg.cholesky(funnel.shape)).T
+    unit = np.sqrt(outer) * np.linalg.inv(np.linalg.cholesky(funnel.shape)).T
 
     def drawn() -> tuple[np.ndarray, np.ndarray]:
         """θ as a share, and directions times √V: half of them from V = 1."""
@@ -141,12 +168,14 @@ def _leaving(
     x: Float[Array, " n"],
     *,
     horizon: float,
+    any_choice: bool = False,
 ) -> Float[Array, ""]:
-    """When V is first seen above 1 (s) under one of the good inputs, each held all the time; else infinite."""
+    """When V is first seen above 1 (s) under one of the good inputs, or any, each held all the time; else infinite."""
     _, values = _values(vehicle, template, numbers, reference, theta, x, horizon / STEPS)
     times = jnp.arange(1, STEPS + 1) * (horizon / STEPS)
     first = jax.vmap(lambda own: jnp.where(own > 1 + ROUNDING, times, jnp.inf).min())(values)
-    return jnp.where(look_ahead(vehicle, template, numbers, reference, theta, x).good, first, jnp.inf).min()
+    good = any_choice or look_ahead(vehicle, template, numbers, reference, theta, x).good
+    return jnp.where(good, first, jnp.inf).min()
 
 
 def _values(

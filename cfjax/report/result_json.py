@@ -135,7 +135,10 @@ def _half_widths(funnel: Funnel) -> list[float]:
 
 
 def _robustness_json(problem: Problem, robustness: Robustness) -> dict[str, Any]:
-    """Periods and delays in s; disturbances in units of the states a second."""
+    """Periods and delays in s; disturbances in units of the states a second.
+
+    Where sampled control is proven, `period` and `delay` are those of its law; `any_law` has what every law absorbs.
+    """
     states = problem.vehicle.state_names
 
     def absorbed(amounts: Absorbed) -> dict[str, Any]:
@@ -151,9 +154,7 @@ def _robustness_json(problem: Problem, robustness: Robustness) -> dict[str, Any]
     content = {"law_share": float_below(SHARE), **alone, "jointly": together}
     if robustness.by_speed:
         content["by_speed"] = [{"speed": [lower, upper], **absorbed(own)} for lower, upper, own in robustness.by_speed]
-    if robustness.sampled:
-        content["sampled"] = dataclasses.asdict(robustness.sampled)
-    return content
+    return dataclasses.asdict(robustness.sampled) | {"any_law": content} if robustness.sampled else content
 
 
 def _closed_loop_json(loop: ClosedLoop) -> dict[str, Any]:
@@ -220,12 +221,14 @@ def _robustness_of(data: dict[str, Any] | None) -> Robustness | None:
             own["period"], tuple(own["disturbance"].values()), tuple(own["pose_error"].values()), own["delay"]
         )
 
-    bands = tuple((*own["speed"], absorbed(own)) for own in data.get("by_speed", ()))
-    together, ahead = data["jointly"], data.get("sampled")
-    sampled = ahead and Sampled(
-        **ahead | {"inputs": tuple(map(tuple, ahead["inputs"])), "bends": tuple(ahead["bends"])}
-    )
-    return Robustness(absorbed(data), data["pose_level"], absorbed(together), together["level"], bands, sampled)
+    sampled, own = None, data
+    if "any_law" in data:
+        own = data["any_law"]
+        ahead = {name: value for name, value in data.items() if name != "any_law"}
+        sampled = Sampled(**ahead | {"inputs": tuple(map(tuple, ahead["inputs"])), "bends": tuple(ahead["bends"])})
+    bands = tuple((*band["speed"], absorbed(band)) for band in own.get("by_speed", ()))
+    together = own["jointly"]
+    return Robustness(absorbed(own), own["pose_level"], absorbed(together), together["level"], bands, sampled)
 
 
 def _tube_of(data: dict[str, Any]) -> Tube:

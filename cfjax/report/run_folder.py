@@ -8,6 +8,7 @@
     config.yaml        the question as it was configured
     waypoints.csv      the points that it speaks of, where the path goes through points of a file
     result.json        verdict and figures; written last: a folder that has it is complete
+    without-period/    a run of its own: the proven funnel, where the period that is asked of it is not proven
 
 Every file appears whole or not at all. `certified` is written only after the exact checker has accepted the
 certificate as it lies on disk. The proof lies there before anything that it does not need is begun: cars, picture.
@@ -23,19 +24,18 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cfjax.certificate.absorbed import held_to, with_amounts
+from cfjax.certificate.robustness import Hints
 from cfjax.certificate.writing import dump
 from cfjax.check import Outcome, Report, check_file
-from cfjax.check.amounts import Absorbed as ProvenAmounts
-from cfjax.check.amounts import Robustness as Proven
-from cfjax.check.rational import float_below, rational
-from cfjax.check.sampled import SampledClaim
+from cfjax.check.rational import float_below
+from cfjax.check.replay import WITHOUT_PERIOD
 from cfjax.clock import Clock
 from cfjax.errors import InputError, NotWritten
-from cfjax.exact import tube_within
 from cfjax.options import Progress
 from cfjax.problem import Frame, Problem
 from cfjax.report.files import (
@@ -56,7 +56,7 @@ from cfjax.report.files import (
     write_whole,
 )
 from cfjax.report.result_json import result_json, result_of
-from cfjax.result import Absorbed, Result, Robustness, Sampled
+from cfjax.result import Result
 from cfjax.verdict import Verdict
 
 
@@ -66,6 +66,17 @@ if TYPE_CHECKING:
 REFERENCE_ROWS = 201  # per segment
 
 Check = Callable[[Path], Report]
+
+
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """What a run has to prove beside a funnel: period and delay (s); and the configuration that does not ask for it."""
+
+    period: float
+    delay: float | None
+    config_yaml: str
+
+
 PROVES = {Verdict.CERTIFIED: Outcome.PROVEN, Verdict.REFUTED: Outcome.REFUTED}
 
 
@@ -76,18 +87,20 @@ def write_run(
     picture: Callable[[Result, Path], None] | None = None,
     *,
     check: Check = check_file,
-    harden: Callable[[Result], dict[str, Any] | None] | None = None,
+    harden: Callable[[Result], Hints] | None = None,
     drive: Callable[[Result], Result] | None = None,
     points: bytes | None = None,
     frame: Frame = Frame.PAPER,
     page: Callable[[Result, Path], None] | None = None,
     progress: Progress | None = None,
+    asked: Asked | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
     `points` is the content of the waypoint file, where the path is made of one. `frame` is that of reference.csv.
 
-    A result whose certificate the checker does not accept comes back `inconclusive`. `harden` finds hints for what the
+    A result whose certificate the checker does not accept comes back `inconclusive`, and so does one that does not
+    prove what is `asked`: what it proves goes to a folder of its own in this one. `harden` finds hints for what the
     funnels absorb, of which nothing is claimed but what the checker shows. `drive` adds the closed loop to the result
     as it then stands, `picture` draws funnel.png of it and `page` writes report.html; if one of these fails, it is said
     on stderr and the run stands. Whatever else stops one of them, Ctrl-C included, result.json is written before it
@@ -117,9 +130,14 @@ def write_run(
         if points is not None:
             write_whole(folder / WAYPOINTS, points)
         try:
-            if harden is not None and result.verdict is Verdict.CERTIFIED:
-                with clock.stage("robustness"):
-                    result = _write_robustness(result, folder, harden, check)
+            why = "the search was interrupted"
+            try:
+                if harden is not None and result.verdict is Verdict.CERTIFIED:
+                    with clock.stage("robustness"):
+                        result, why = _write_robustness(result, folder, harden, check)
+            finally:
+                if asked is not None:
+                    result = _held_to(asked, result, folder, why, check, points)
             if drive is not None:
                 result = drive(result)
             if picture is not None:
@@ -138,13 +156,38 @@ def write_run(
 
 def _clear(folder: Path) -> None:
     """Removes what a run that was killed has left."""
-    for leftover in (CERTIFICATE, ROBUSTNESS, REFERENCE, PICTURE, REPORT, CONFIG, WAYPOINTS):
-        for path in (folder / leftover, draft_of(folder / leftover), drawing_of(folder / leftover)):
-            path.unlink(missing_ok=True)
+    for place in (folder, folder / WITHOUT_PERIOD):
+        for leftover in (RESULT, CERTIFICATE, ROBUSTNESS, REFERENCE, PICTURE, REPORT, CONFIG, WAYPOINTS):
+            for path in (place / leftover, draft_of(place / leftover), drawing_of(place / leftover)):
+                path.unlink(missing_ok=True)
+
+
+def _held_to(asked: Asked, result: Result, folder: Path, why: str, check: Check, points: bytes | None) -> Result:
+    """The result if it proves what is asked; else what it proves becomes a run of its own, and it proves nothing."""
+    held = held_to(result, asked.period, asked.delay, why)
+    if held is result:
+        return result
+    hints = Hints(read_json(folder / ROBUSTNESS)) if result.robustness else None
+    write_run(
+        result.replace(robustness=None, command=None),
+        folder / WITHOUT_PERIOD,
+        asked.config_yaml,
+        check=check,
+        harden=hints and (lambda _: hints),
+        points=points,
+    )
+    for name in (CERTIFICATE, ROBUSTNESS):
+        (folder / name).unlink(missing_ok=True)
+    return held.replace(message=f"{held.message}; what is proven stands in the folder {WITHOUT_PERIOD}")
 
 
 def keep_elsewhere(
-    lost: NotWritten, folder: Path, config_yaml: str, points: bytes | None = None, frame: Frame = Frame.PAPER
+    lost: NotWritten,
+    folder: Path,
+    config_yaml: str,
+    points: bytes | None = None,
+    frame: Frame = Frame.PAPER,
+    asked: Asked | None = None,
 ) -> tuple[Result, Path]:
     """The run that `folder` did not take, in a new folder where the system has room: without picture, page and cars.
 
@@ -157,28 +200,36 @@ def keep_elsewhere(
         hints = read_json(folder / ROBUSTNESS)
     try:
         elsewhere = Path(tempfile.mkdtemp(prefix="cfjax-"))
-        again = (lambda _: hints) if hints else None
+        again = (lambda _: Hints(hints)) if hints else None
         return write_run(
-            result.replace(robustness=None), elsewhere, config_yaml, harden=again, points=points, frame=frame
+            result.replace(robustness=None),
+            elsewhere,
+            config_yaml,
+            harden=again,
+            points=points,
+            frame=frame,
+            asked=asked,
         ), elsewhere
     except (OSError, NotWritten):
         pass
     with suppress(OSError, InputError):
         if result.document is not None and (folder / CERTIFICATE).read_bytes() == dump(result.document).encode():
-            proven = confirmed(result, folder)
+            proven = as_proven(result, lambda: check_file(folder), str(folder / RESULT))
+            if asked is not None:
+                proven = held_to(proven, asked.period, asked.delay)
             raise NotWritten(f"{lost}; {CERTIFICATE} is there, {RESULT} is not", proven)
     if result.verdict in PROVES:
         message = "a proof that was found could be written nowhere, so that nothing is certified"
-        result = _without_claim(result, Verdict.INCONCLUSIVE, message).replace(closed_loop=None, robustness=None)
+        result = result.without_claim(Verdict.INCONCLUSIVE, message).replace(closed_loop=None, robustness=None)
     raise NotWritten(str(lost), result)
 
 
 def _write_certificate(result: Result, path: Path, check: Check) -> Result:
     """The certificate on disk, accepted by the checker, with the margins that it proves; or a result without claims."""
     if result.verdict not in PROVES:
-        return _without_claim(result, result.verdict, result.message)
+        return result.without_claim(result.verdict, result.message)
     if result.document is None:
-        return _without_claim(result, Verdict.INCONCLUSIVE, "there is no certificate to check, so nothing is proven")
+        return result.without_claim(Verdict.INCONCLUSIVE, "there is no certificate to check, so nothing is proven")
     write_whole(path, dump(result.document).encode())
     try:
         report = check(path)
@@ -191,16 +242,20 @@ def _write_certificate(result: Result, path: Path, check: Check) -> Result:
     path.unlink()
     claim = f"the exact checker did not accept the certificate of a {result.verdict.value} run"
     result = result.replace(closed_loop=None)  # driven under a margin that nothing proves
-    return _without_claim(result, Verdict.INCONCLUSIVE, f"{claim}: {' '.join(reason.split())}")
+    return result.without_claim(Verdict.INCONCLUSIVE, f"{claim}: {' '.join(reason.split())}")
 
 
 def confirmed(result: Result, folder: Path, check: Check = check_file) -> Result:
     """A result that was read from a run folder, with claims that its certificate proves: the checker's own, not read.
 
     Raises:
-        InputError: where the checker does not accept what the result claims.
+        InputError: where the checker does not accept what the result claims, or what config.yaml asks is not proven.
     """
-    return as_proven(result, lambda: check(folder), str(folder / RESULT))
+    proven, config = as_proven(result, lambda: check(folder), str(folder / RESULT)), read_config(folder)
+    if held_to(proven, config.period, config.delay) is not proven:
+        asked = f"period={config.period:g}" + (f" and delay={config.delay:g}" if config.delay else "")
+        raise InputError(f"{folder / ROBUSTNESS}: expected a proof of {asked}, which {CONFIG} asks for")
+    return proven
 
 
 def as_proven(result: Result, ask: Callable[[], Report], name: str) -> Result:
@@ -212,7 +267,7 @@ def as_proven(result: Result, ask: Callable[[], Report], name: str) -> Result:
         InputError: where the checker does not accept what the result claims.
     """
     if result.verdict not in PROVES:
-        return _without_claim(result, result.verdict, result.message).replace(robustness=None)
+        return result.without_claim(result.verdict, result.message).replace(robustness=None)
     report = ask()
     wanted = PROVES[result.verdict]
     if report.outcome is not wanted or (wanted is Outcome.PROVEN and len(report.margins) != len(result.segments)):
@@ -223,75 +278,31 @@ def as_proven(result: Result, ask: Callable[[], Report], name: str) -> Result:
     result = result.replace(message=report.message, account=report.paragraphs, robustness=None)
     if wanted is Outcome.REFUTED:
         return result
-    return _with_amounts(_with_margins(result, report), report)
+    return with_amounts(_with_margins(result, report), report)
 
 
 def _write_robustness(
-    result: Result, folder: Path, harden: Callable[[Result], dict[str, Any] | None], check: Check
-) -> Result:
-    """The result with what its funnels absorb, as the checker shows it from the folder; as it is, where nothing is."""
+    result: Result, folder: Path, harden: Callable[[Result], Hints], check: Check
+) -> tuple[Result, str]:
+    """The result with what its funnels absorb, as the checker shows it from the folder; and what it lacks, why."""
+    lack = ""
     try:
         hints = harden(result)
-        if hints is None:
-            return result
-        write_whole(folder / ROBUSTNESS, dump(hints).encode())
-        report = check(folder)
-        if report.outcome is Outcome.PROVEN and report.robustness is not None:
-            return _with_amounts(result, report).replace(account=report.paragraphs)
-        reason = report.message
+        lack = hints.lack
+        for content in filter(None, (hints.whole, hints.file)):
+            write_whole(folder / ROBUSTNESS, dump(content).encode())
+            report = check(folder)
+            if report.outcome is Outcome.PROVEN and report.robustness is not None:
+                return with_amounts(result, report).replace(account=report.paragraphs), lack
+            lack = lack or report.message
+        if hints.file is None:
+            return result, lack
     except Exception as error:  # the certificate stands without it
-        reason = f"{type(error).__name__}: {error}"
+        lack = f"{type(error).__name__}: {error}"
     (folder / ROBUSTNESS).unlink(missing_ok=True)
-    print(f"warning: nothing is proven of what the funnel absorbs: {' '.join(reason.split())}", file=sys.stderr)
-    return result
-
-
-def _with_amounts(result: Result, report: Report) -> Result:
-    """The result with what is absorbed, if that is proven, and a law that asks for it within the bounds of each leg."""
-    if report.robustness is None:
-        return result
-    bounds = report.bounds or (None,) * len(result.segments)
-    segments = tuple(
-        segment if own is None else dataclasses.replace(segment, along=tube_within(own))
-        for segment, own in zip(result.segments, bounds, strict=True)
-    )
-    return result.replace(robustness=_amounts(report.robustness), segments=segments)
-
-
-def _amounts(proven: Proven) -> Robustness:
-    """Rounded down."""
-
-    def absorbed(amounts: ProvenAmounts) -> Absorbed:
-        return Absorbed(
-            period=float_below(amounts.period),
-            disturbance=tuple(map(float_below, amounts.disturbance)),
-            pose_error=tuple(map(float_below, amounts.pose_error)),
-            delay=float_below(amounts.delay),
-        )
-
-    return Robustness(
-        alone=absorbed(proven.alone),
-        pose_level=float_below(proven.pose_level),
-        together=absorbed(proven.together),
-        level=float_below(proven.level),
-        by_speed=tuple(
-            (float(lower), float(upper), absorbed(own))
-            for (lower, upper), own in zip(proven.bands, proven.by_speed, strict=True)
-        ),
-        sampled=None if proven.sampled is None else _sampled(proven.sampled),
-    )
-
-
-def _sampled(claim: SampledClaim) -> Sampled:
-    """Rounded so that less is promised; the period is the decimal that was asked for, where it is one."""
-    period = int(claim.period.p) / int(claim.period.q)
-    return Sampled(
-        period=period if rational(period) == claim.period else float_below(claim.period),
-        order=claim.order,
-        decrease=float_below(claim.decrease),
-        inputs=tuple(tuple(map(float, choice)) for choice in claim.choices),
-        bends=tuple(-float_below(-bend) for bend in claim.bends),
-    )
+    lack = " ".join(lack.split())
+    print(f"warning: nothing is proven of what the funnel absorbs: {lack}", file=sys.stderr)
+    return result, lack
 
 
 def _with_margins(result: Result, report: Report) -> Result:
@@ -311,12 +322,6 @@ def _with_margins(result: Result, report: Report) -> Result:
             for segment, margin in segments
         )
     )
-
-
-def _without_claim(result: Result, verdict: Verdict, message: str) -> Result:
-    nothing = {"margin_certified": None, "margin_per_metre": None, "contraction": None}
-    segments = tuple(dataclasses.replace(segment, **nothing, stretches=()) for segment in result.segments)
-    return result.replace(verdict=verdict, message=message, account=(), segments=segments, document=None)
 
 
 def _draw(picture: Callable[[Result, Path], None], result: Result, path: Path) -> None:

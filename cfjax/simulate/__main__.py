@@ -59,9 +59,16 @@ def _parser() -> Parser:
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder")
     parser.add_argument("--plant", default="model", help="what is driven (below); default: model")
     parser.add_argument("--noise", default="none", help="what the controller sees (below); default: none")
-    parser.add_argument("--law", default="min_norm", help="min_norm (default), sontag, lin_sontag")
+    parser.add_argument(
+        "--law", default="min_norm", help="min_norm (default), sontag, lin_sontag; sampled: of a run with period=…"
+    )
     parser.add_argument("--n", type=int, metavar="CARS", help="default: 1000, of other people's plants 20")
-    parser.add_argument("--period", type=float, metavar="S", help="of control; default: 0.005, or a 500th of the path")
+    parser.add_argument(
+        "--period",
+        type=float,
+        metavar="S",
+        help="of control; default: 0.005, or a 500th of the path; with --law sampled the one that is proven",
+    )
     parser.add_argument(
         "--starts",
         default="random",

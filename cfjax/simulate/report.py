@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from cfjax.plants import Model
+from cfjax.plants import Model, Sensor
 from cfjax.report import marks
 from cfjax.report.animation import save_animation
 from cfjax.report.files import versions, write_whole
@@ -26,7 +26,7 @@ from cfjax.report.plot import compose
 from cfjax.report.style import STYLE
 from cfjax.result import Result
 from cfjax.rounded import MILLI, rounded_down
-from cfjax.simulate.experiment import Experiment
+from cfjax.simulate.experiment import AHEAD, Experiment
 from cfjax.simulation.sampled import SampledLoop
 
 
@@ -57,7 +57,7 @@ def summary_json(experiment: Experiment, loop: SampledLoop) -> dict[str, Any]:
         "question": {key: str(value) if isinstance(value, Path) else value for key, value in question.items()},
         "path": experiment.problem.path.name,
         "period": experiment.period,
-        "law_inherits_certificate": experiment.law.inherits,
+        "law_inherits_certificate": experiment.inherits,
         "cars": len(loop.arrived),
         "started_in_funnel": int((loop.start_value <= 1).sum()),
         "arrived": int(loop.arrived.sum()),
@@ -139,7 +139,7 @@ def print_summary(experiment: Experiment, loop: SampledLoop) -> None:
     print(f"{content['cars']} cars, {content['started_in_funnel']} started in the funnel: {told}")
     if said := account_of_period(experiment):
         print(said)
-    if not experiment.law.inherits:
+    if not experiment.inherits:
         print(f"the law {experiment.question.law} does not inherit the certificate")
 
 
@@ -149,20 +149,27 @@ def account_of_period(experiment: Experiment) -> str | None:
     It is proven of the model whose state is seen exactly and at once, and of nothing else that can be driven.
     """
     robustness = experiment.result.robustness
-    if robustness is None or not experiment.law.inherits:
+    if robustness is None or not experiment.inherits:
         return None
-    proven = f"{rounded_down(robustness.alone.period, 4, MILLI)} ms"
-    begin = f"control period {1e3 * experiment.period:.4g} ms: "
-    if not _is_the_model(experiment):
+    ahead = robustness.sampled if experiment.question.law == AHEAD else None
+    period, delay = (ahead.period, ahead.delay) if ahead else (robustness.alone.period, 0.0)
+    sensor, late = experiment.sensor, float(experiment.sensor.delay)
+    told, proven = f"{1e3 * experiment.period:.4g} ms", f"{rounded_down(period, 4, MILLI)} ms"
+    if late and ahead:
+        told, proven = f"{told}, delay {1e3 * late:.4g} ms", f"{proven}, {rounded_down(delay, 4, MILLI)} ms"
+        if np.isclose(late / experiment.period, round(late / experiment.period)):  # else poses are interpolated
+            sensor = dataclasses.replace(sensor, delay=0.0)
+    begin = f"control period {told}: "
+    if not _is_the_model(experiment, sensor):
         return begin + f"the proven {proven} are of the model, seen exactly; of this plant and noise nothing is proven"
-    if experiment.period > robustness.alone.period:
+    if experiment.period > period or late > delay:
         return begin + f"longer than the proven {proven}"
     return begin + f"within the proven {proven}"
 
 
-def _is_the_model(experiment: Experiment) -> bool:
+def _is_the_model(experiment: Experiment, sensor: Sensor) -> bool:
     plant = experiment.plant
-    exact = not any(np.any(np.asarray(number)) for number in jax.tree.leaves(experiment.sensor))
+    exact = not any(np.any(np.asarray(number)) for number in jax.tree.leaves(sensor))
     return exact and isinstance(plant, Model) and plant.vehicle == experiment.problem.vehicle
 
 

@@ -5,13 +5,17 @@ A `Controller` is any such function that says where on the path it thinks the ca
 """
 
 import abc
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from cfjax.control import Law, MinNorm
+from cfjax.control.prediction import Sent, nothing_sent, predict
+from cfjax.control.sampled import choose_for_hold
+from cfjax.funnel.sampled import Holds
 from cfjax.plants import Measurement
 from cfjax.plants.plant import number
 from cfjax.simulation.track import Track
@@ -59,3 +63,42 @@ class Follower(Controller):
 
     def theta(self, memory: Float[Array, ""]) -> Float[Array, ""]:
         return memory
+
+
+class Sending(NamedTuple):
+    """What a car that predicts remembers: θ (s), and the inputs that it has sent."""
+
+    theta: Float[Array, ""]
+    sent: Sent
+
+
+class HoldFollower(Controller):
+    """The law that looks one hold ahead (`cfjax.control.sampled`), from poses of any known age that it remembers.
+
+    `period` is that of control, at most the one that `numbers` are for; `remembered` periods are those of a pose's age.
+    """
+
+    track: Track
+    numbers: Holds
+    period: Float[Array, ""] = eqx.field(converter=number)  # s
+    remembered: int = eqx.field(static=True)
+
+    def start(self, state: Float[Array, " n"], theta: Float[Array, ""]) -> Sending:
+        return Sending(theta, nothing_sent(self.remembered, np.shape(self.numbers.choices)[1]))
+
+    def act(
+        self, measurement: Measurement, memory: Sending, time: Float[Array, ""]
+    ) -> tuple[Float[Array, " m"], Sending]:
+        track, (theta, sent) = self.track, memory
+        age = time - measurement.stamp
+        now, vehicle = track.at(theta), track.vehicle
+        seen = track.deviation(track.at(theta - sent.advance(age)), measurement.state)
+        x = predict(vehicle, now.point, sent, age, seen)
+        pace, *inputs = choose_for_hold(vehicle, track.template, self.numbers, now.point, now.since, x).inputs
+        command = vehicle.command(tuple(inputs))
+        told = jnp.stack([jnp.asarray(entry, float) for entry in command])
+        held = jnp.stack([pace, *inputs])
+        return told, Sending(theta + self.period * pace, sent.then(held, self.period))
+
+    def theta(self, memory: Sending) -> Float[Array, ""]:
+        return memory.theta

@@ -17,34 +17,38 @@ from flint import fmpq
 from cfjax.certificate import certify
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.prover import NotProven
-from cfjax.certificate.robustness import robustness_document
+from cfjax.certificate.robustness import robustness_document, with_holds
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.stretches import question_of
 from cfjax.check import Outcome, check_document
 from cfjax.check.document import document_hash
 from cfjax.check.enclosure import Budget
+from cfjax.check.held_derivatives import SteadyLeg, control_points, derivatives
+from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.hints import Room
 from cfjax.check.problem import Course
 from cfjax.check.proof import MOST_EFFORT
 from cfjax.check.reader import Broken, Item
 from cfjax.check.reference import Gap
 from cfjax.check.replay import check_robustness
-from cfjax.check.sampled import SampledClaim, SteadyLeg, control_points, derivatives, prove_sampled
+from cfjax.check.sampled import prove_sampled
 from cfjax.check.sampled_hints import read_sampled
+from cfjax.control.prediction import nothing_sent, predict
 from cfjax.control.sampled import choose_for_hold
 from cfjax.errors import InputError
-from cfjax.falsifier.sampled import first_escape_of_holds, slowest_fall
+from cfjax.falsifier.sampled import first_escape_of_holds, first_escape_of_start, slowest_fall
 from cfjax.funnel import Funnel, template_named
-from cfjax.funnel.sampled import Holds, holds
+from cfjax.funnel.sampled import Holds, held_motion, holds
 from cfjax.options import Options
 from cfjax.problem import Method, Path, Problem, Segment, circle, deviation_rate, oval, straight, tube
-from cfjax.problem.runge_kutta import runge_kutta
 from cfjax.question import check_question
 from cfjax.verdict import Verdict
+from experiments import sampled_control
+from experiments.sampled_control import Late, drive
 from experiments.vehicles.omnidirectional import Omnidirectional
 
 
-PERIOD = fmpq(1, 25)  # s
+PERIOD, DELAY = fmpq(1, 25), fmpq(1, 20)  # s
 SHAPE = np.array([[4.0, 0.2, 0.1], [0.2, 4.0, 0.3], [0.1, 0.3, 4.0]])
 RATE, DURATION = 0.02, 2.0
 
@@ -86,7 +90,8 @@ def held() -> Held:
     problem, segment, funnel = question(straight(DURATION, speed=1.0))
     found = certify(problem, [funnel])
     assert found.verdict is Verdict.CERTIFIED and found.document is not None
-    return Held(problem, segment, funnel, found.document, robustness_document(found.document, period=float(PERIOD)))
+    file = with_holds(found.document, robustness_document(found.document), float(PERIOD), float(DELAY))
+    return Held(problem, segment, funnel, found.document, file)
 
 
 def claim_of(hints: dict[str, Any]) -> SampledClaim:
@@ -126,6 +131,15 @@ def test_what_is_stated_is_proven(held: Held) -> None:
     outcome, message = answer(held)
     assert outcome is Outcome.PROVEN
     assert "held for any time up to 0.04 s" in message
+    assert "poses up to 0.05 s late" in message
+    start_up = claim.start_up
+    assert start_up is not None and claim.choices[start_up.choice] == (1, 0, 0, 1)
+    assert start_up.level == 1 - DELAY * start_up.rise
+
+
+def test_without_a_delay_nothing_is_said_of_one(held: Held) -> None:
+    outcome, message = answer(held, lambda hints: hints.pop("start_up"))
+    assert outcome is Outcome.PROVEN and " s late" not in message
 
 
 def test_derivatives_are_those_of_v_along_a_held_input() -> None:
@@ -214,11 +228,21 @@ FALSE: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         lambda h: leaves(h["ranges"][1]["trees"][1])[0]["proofs"][0].update(margin="1000"),
         "does not fall as stated",
     ),
-    "a range left out": (lambda h: h["ranges"].pop(), "expected hints for"),
+    "a range left out": (lambda h: (h["ranges"].pop(), h["start_up"]["proofs"].pop()), "expected hints for"),
     "a part left out": (lambda h: h["ranges"][1]["trees"].pop(), "not for what is asked"),
-    "cuts that leave the range": (lambda h: h.update(cuts=["2"], ranges=[*h["ranges"], h["ranges"][-1]]), "cuts"),
+    "cuts that leave the range": (
+        lambda h: (h.update(cuts=["2"], ranges=[*h["ranges"], h["ranges"][-1]]), h.pop("start_up")),
+        "cuts",
+    ),
     "an order that is not that of the proofs": (lambda h: h.update(order=2), "expected a list of"),
     "no bound for one input": (lambda h: h["bends"].pop(), "expected a list"),
+    "a smaller rise until a pose is there": (
+        lambda h: h["start_up"].update(rise=scaled(h["start_up"]["rise"], fmpq(1, 2))),
+        "may rise faster than stated",
+    ),
+    "another input until a pose is there": (lambda h: h["start_up"].update(choice=0), "may rise faster than stated"),
+    "poses so late that no start is left": (lambda h: h["start_up"].update(delay="3"), "no start is left"),
+    "a start-up without its proofs": (lambda h: h["start_up"]["proofs"].pop(), "expected a list"),
     "a bound below zero": (lambda h: h["bends"].__setitem__(0, "-1"), "none below zero"),
 }
 
@@ -300,7 +324,12 @@ def test_forks_of_long_numbers_and_more_cuts_than_ranges_are_refused(held: Held)
 
 def test_what_is_not_true_is_not_found(held: Held) -> None:
     with pytest.raises(NotProven, match="whichever input is held"):
-        robustness_document(held.certificate, period=0.5)
+        with_holds(held.certificate, held.file, 0.5)
+
+
+def test_no_start_is_left_where_poses_are_too_late(held: Held) -> None:
+    with pytest.raises(NotProven, match="under the reference's own inputs until a pose is there, 5 s late"):
+        with_holds(held.certificate, held.file, float(PERIOD), 5.0)
 
 
 def test_a_period_is_asked_of_one_line_or_circle_alone() -> None:
@@ -313,6 +342,8 @@ def test_a_period_is_asked_of_one_line_or_circle_alone() -> None:
         check_question(Problem(circle()), Options(period=0.02, template="paper"))
     with pytest.raises(InputError, match="period: expected robustness=true"):
         Options(period=0.02, robustness=False)
+    with pytest.raises(InputError, match="delay: expected a period too"):
+        Options(delay=0.02)
 
 
 # --- cars
@@ -326,50 +357,75 @@ def numbers(held: Held) -> Holds:
     return holds(held.problem, held.funnel, float(claim.period), claim.order, float(claim.decrease), choices, bends)
 
 
-def states(held: Held, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """θ and deviations, half of them from V = 1."""
-    rng = np.random.default_rng(2)
-    y = rng.normal(size=(count, 3))
-    y /= np.linalg.norm(y, axis=1, keepdims=True)
-    y *= np.sqrt(np.where(rng.uniform(size=(count, 1)) < 0.5, 1 - 1e-12, rng.uniform(size=(count, 1))))
-    theta = rng.uniform(0, DURATION, count)
-    level = np.sqrt(np.exp(-RATE * theta))
-    return theta, y @ np.linalg.inv(np.linalg.cholesky(SHAPE)) * level[:, None]
+@pytest.fixture(scope="module")
+def late(held: Held) -> Late:
+    start_up = claim_of(held.hints).start_up
+    assert start_up is not None
+    return Late(float(start_up.delay), float(start_up.level), start_up.choice)
 
 
-def test_cars_do_what_is_stated_however_long_each_hold_is(held: Held, numbers: Holds) -> None:
-    vehicle, template, point = held.problem.vehicle, held.funnel.template, held.segment.point(0.0)
+def some(count: int) -> np.ndarray:
+    """Shares of a period or a delay."""
+    return np.random.default_rng(count).uniform(0.01, 1.0, count)
 
-    def value(z: jax.Array) -> jax.Array:
-        return jnp.asarray(template.value(RATE, z[0], z[1:] @ SHAPE @ z[1:]))
 
-    @jax.jit
-    @jax.vmap
-    def driven(z: jax.Array, hold: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-        chosen = choose_for_hold(vehicle, template, numbers, point, z[0], z[1:])
+@pytest.mark.parametrize("share", [np.ones, some], ids=["the longest", "any"])
+@pytest.mark.parametrize("delayed", [False, True], ids=["prompt", "late"])
+def test_cars_do_what_is_stated(
+    held: Held, numbers: Holds, late: Late, share: Callable[[int], np.ndarray], delayed: bool
+) -> None:
+    """However long each hold is, and however late each pose."""
+    poses = late if delayed else Late()
+    driven = drive(held.problem, held.segment, held.funnel, numbers, 3_000, 8, share, poses)
+    assert driven.broken == 0
+    assert driven.largest <= 1
+    assert driven.slowest >= numbers.decrease
 
-        def motion(z: jax.Array) -> jax.Array:
-            return jnp.stack([chosen.inputs[0], *deviation_rate(vehicle, tuple(z[1:]), tuple(chosen.inputs), point)])
 
-        def move(z: jax.Array, _: None) -> tuple[jax.Array, jax.Array]:
-            z = runge_kutta(motion, z, hold / 8)
-            return z, value(z)
+def test_a_pose_that_is_taken_for_a_fresh_one_loses_cars(held: Held, numbers: Holds, late: Late) -> None:
+    """So the cars above were kept by what is predicted."""
+    with pytest.MonkeyPatch.context() as changed:
+        changed.setattr(sampled_control, "predict", lambda vehicle, point, sent, age, x: x)
+        driven = drive(held.problem, held.segment, held.funnel, numbers, 3_000, 8, late=late._replace(delay=0.3))
+    assert driven.largest > 1 or driven.slowest < numbers.decrease
 
-        after, values = jax.lax.scan(move, z, None, length=8)
-        return after, value(z), values, chosen.promised
 
-    theta, x = states(held, 5_000)
-    z = jnp.column_stack([theta, x])
-    rng = np.random.default_rng(3)
-    for step in range(12):
-        hold = np.full(len(z), float(PERIOD)) if step % 2 else float(PERIOD) * rng.uniform(0.01, 1, len(z))
-        after, before, values, promised = driven(z, jnp.asarray(hold))
-        assert promised.all()
-        assert values.max() <= 1
-        shell = before >= numbers.beta_lower
-        fall = (before - values[:, -1]) / hold
-        assert (fall[shell] >= numbers.decrease).all()
-        z = jnp.where((after[:, :1] > DURATION), z, after)  # beyond the line's end nothing is stated
+def test_the_deviation_is_predicted_from_what_was_sent(held: Held) -> None:
+    """Against the same motion in small steps, for ages within the newest input and far behind it."""
+    vehicle, point = held.problem.vehicle, held.segment.point(0.0)
+    rng = np.random.default_rng(5)
+    inputs, lengths = rng.uniform(0.5, 1.5, (4, 4)), np.array([0.03, 0.01, 0.04, 0.02])
+    sent = nothing_sent(6, 4)
+    for one, length in zip(inputs[::-1], lengths[::-1], strict=True):
+        sent = sent.then(jnp.asarray(one), float(length))
+    for age in (0.0, 0.02, 0.035, 0.1):
+        x = start = jnp.array([0.1, -0.05, 0.08])
+        left = age
+        pieces = []
+        for one, length in zip(inputs, lengths, strict=True):  # newest first
+            pieces.append((one, min(float(length), left)))
+            left = max(left - float(length), 0.0)
+        advance = 0.0
+        for one, length in reversed(pieces):
+            advance += float(one[0]) * length
+            motion = held_motion(vehicle, jnp.asarray(one), point)
+            for _ in range(30):  # Euler's modified method
+                half = x + length / 60 * motion(jnp.array([0.0, *x]))[1:]
+                x = x + length / 30 * motion(jnp.array([0.0, *half]))[1:]
+        assert np.allclose(predict(vehicle, point, sent, age, start), x, atol=1e-6)
+        assert np.isclose(float(sent.advance(age)), advance)
+        assert bool(sent.remembers(age))
+    assert not sent.remembers(0.11)
+
+
+def test_a_start_is_left_later_than_is_proven(held: Held, numbers: Holds, late: Late) -> None:
+    def found(level: float) -> float:
+        return first_escape_of_start(
+            held.problem, held.segment, held.funnel, numbers, level=level, horizon=1.0, start=late.start, trials=1000
+        )
+
+    assert late.delay < found(late.level) < 1.0
+    assert found(0.5) > found(late.level)
 
 
 def test_nothing_is_promised_outside(held: Held, numbers: Holds) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from flint import fmpq
 
+from cfjax.certificate.robustness import Hints
 from cfjax.check import Outcome, Report
 from cfjax.check.amounts import Absorbed, Robustness, Told
 from cfjax.conf import preset, problem_of, yaml_of
@@ -57,7 +58,7 @@ def test_a_run_has_the_account_of_the_file_on_disk(hand_made: Make, tmp_path: Pa
     claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
     for name, check in (("alone", proves), ("with hints", absorbs)):
         folder, told = tmp_path / name, check(tmp_path).paragraphs
-        written = write_run(claimed, folder, config, check=check, harden=lambda _: {"hints": []}, page=page)
+        written = write_run(claimed, folder, config, check=check, harden=lambda _: Hints({"hints": []}), page=page)
         assert written.account == told
         assert list(map(unescape, pages[-1])) == list(told)
         again = confirmed(read_run(folder), folder, check)

@@ -12,15 +12,18 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfjax.certificate.robustness import Hints
 from cfjax.check import Outcome, Report, check_file
 from cfjax.check.amounts import Absorbed as ProvenAmounts
 from cfjax.check.amounts import Robustness, Told
 from cfjax.check.bounds import Bounds
+from cfjax.check.held_ranges import SampledClaim
+from cfjax.check.replay import WITHOUT_PERIOD as LESS
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.problem import Frame, Interval, Tube
 from cfjax.report.result_json import result_json, result_of
-from cfjax.report.run_folder import Check, confirmed, read_frame, read_run, write_run
+from cfjax.report.run_folder import Asked, Check, confirmed, read_frame, read_run, write_run
 from cfjax.result import Absorbed, Result, Sampled, SegmentResult, StretchMargin
 from cfjax.result import Robustness as Robust
 from cfjax.verdict import Verdict
@@ -367,3 +370,113 @@ def test_what_is_proven_of_holds_comes_back_from_result_json(hand_made: Make) ->
         data = json.loads(json.dumps(result_json(result)))
         assert result_of(data, result.problem, None).robustness == robustness
         assert ("sampled control  20 ms" in str(result)) == (robustness is held)
+
+
+def test_period_and_delay_are_those_of_the_law_that_was_asked_for(hand_made: Make) -> None:
+    amounts = Absorbed(0.001, (0.1,) * 4, (0.2,) * 4, 0.002)
+    held = Robust(amounts, 0.9, amounts, 0.8, (), replace(HELD, delay=0.05, level=0.75))
+    result = hand_made(problem_of(preset("circle"))).replace(robustness=held)
+    data = json.loads(json.dumps(result_json(result)))
+    told = data["robustness"]
+    assert (told["period"], told["delay"], told["level"]) == (0.02, 0.05, 0.75)
+    assert (told["any_law"]["period"], told["any_law"]["delay"]) == (0.001, 0.002)
+    assert result_of(data, result.problem, None).robustness == held
+    assert "its delay       50 ms, of the pose, by prediction; from starts in V <= 0.75" in str(result)
+
+
+# --- a period that is asked for and not proven
+
+NONE = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
+HELD = Sampled(0.02, 3, 0.5, ((0.5, -1.0, 0.0), (2.0, 1.0, 4.0)), (1.0, 2.0))
+ONE_LAW = Robustness(NONE, fmpq(1), NONE, fmpq(1), (), (Told(fmpq(3, 10), None, fmpq(9, 10), fmpq(9, 10), None),))
+SHORT = SampledClaim(fmpq(1, 50), 3, fmpq(1, 2), ((fmpq(1), fmpq(0), fmpq(0)),), (fmpq(1),), ())
+
+
+def asked_of(period: float, delay: float | None = None) -> Asked:
+    return Asked(period, delay, yaml_of(preset("circle")))
+
+
+def checked(path: Path) -> Report:
+    """Of a folder that has hints, amounts too: with a law that looks ahead, where they say so."""
+    if not path.is_dir():
+        return by_hand.proven(fmpq(3, 10))
+    if not (path / "robustness.json").exists():
+        return by_hand.proven(fmpq(3, 10)) if (path / "certificate.json").exists() else check_file(path)
+    looks_ahead = "sampled" in json.loads((path / "robustness.json").read_text())
+    return by_hand.proven(fmpq(3, 10), robustness=replace(ONE_LAW, sampled=SHORT) if looks_ahead else ONE_LAW)
+
+
+@pytest.mark.parametrize(
+    ("asked", "hints", "why"),
+    [
+        (asked_of(0.03), Hints({"hints": []}, lack="V changes by 1 1/s somewhere"), "V changes by 1 1/s somewhere"),
+        (asked_of(0.03), Hints({"hints": []}, {"hints": [], "sampled": []}), "no proof was found"),
+        (asked_of(0.02, 0.05), Hints({"hints": []}, {"hints": [], "sampled": []}), "no proof was found"),
+    ],
+    ids=["nothing found", "a shorter one", "no delay"],
+)
+def test_a_run_whose_period_is_not_proven_is_not_certified(
+    hand_made: Make, asked: Asked, hints: Hints, why: str, tmp_path: Path
+) -> None:
+    folder, config = tmp_path / "run", yaml_of(preset("circle", [f"period={asked.period}"]))
+    claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
+    written = write_run(claimed, folder, config, check=checked, harden=lambda _: hints, asked=asked)
+    data = json.loads((folder / "result.json").read_text())
+    assert written.verdict is Verdict.INCONCLUSIVE and data["verdict"] == "inconclusive"
+    assert data["margin"]["certified"] is None and data["robustness"] is None
+    assert data["message"].startswith(f"the funnel is proven, with margin 0.2999 1/s, but not period={asked.period:g}")
+    assert why in data["message"] and "proven of every law: 0.999 ms" in data["message"]
+    assert ("delay=0.05" in data["message"]) == (asked.delay is not None)
+    assert not (folder / "certificate.json").exists() and not (folder / "robustness.json").exists()
+    report = check_file(folder)
+    assert report.outcome is Outcome.UNREADABLE
+    assert (
+        report.refusal == f"the period that this run asks for is not proven; what is proven without it: {folder}/{LESS}"
+    )
+    less = confirmed(read_run(folder / LESS), folder / LESS, checked)  # a run of its own, of another question
+    assert less.verdict is Verdict.CERTIFIED and less.margin_certified == RATIONAL
+    assert less.robustness is not None and less.robustness.alone.period == pytest.approx(0.001)
+    assert (folder / LESS / "reference.csv").exists()
+
+
+def test_a_run_whose_period_is_proven_is_certified(hand_made: Make, tmp_path: Path) -> None:
+    whole = Hints({"hints": []}, {"hints": [], "sampled": []})
+    config = yaml_of(preset("circle", ["period=0.02"]))
+    claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
+    written = write_run(claimed, tmp_path, config, check=checked, harden=lambda _: whole, asked=asked_of(0.02))
+    assert written.verdict is Verdict.CERTIFIED and not (tmp_path / LESS).exists()
+    assert written.robustness is not None and written.robustness.sampled is not None
+    assert written.robustness.sampled.period == 0.02
+    read = read_run(tmp_path)
+    assert confirmed(read, tmp_path, checked).robustness == written.robustness
+    (tmp_path / "robustness.json").unlink()  # what is claimed then is less than what was asked
+    with pytest.raises(
+        InputError, match=r"robustness\.json: expected a proof of period=0\.02, which config\.yaml asks for"
+    ):
+        confirmed(read, tmp_path, checked)
+
+
+def test_hints_of_the_period_that_the_checker_refuses_take_nothing_else_along(hand_made: Make, tmp_path: Path) -> None:
+    def refuses(path: Path) -> Report:
+        said = checked(path)
+        looks_ahead = said.robustness is not None and said.robustness.sampled is not None
+        return Report(Outcome.BROKEN, "sampled: V does not fall as stated") if looks_ahead else said
+
+    whole = Hints({"hints": []}, {"hints": [], "sampled": []})
+    claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
+    config = yaml_of(preset("circle", ["period=0.02"]))
+    written = write_run(claimed, tmp_path, config, check=refuses, harden=lambda _: whole, asked=asked_of(0.02))
+    assert written.verdict is Verdict.INCONCLUSIVE and "V does not fall as stated" in written.message
+    assert confirmed(read_run(tmp_path / LESS), tmp_path / LESS, refuses).robustness is not None
+
+
+def test_ctrl_c_before_the_period_is_proven_certifies_nothing(hand_made: Make, tmp_path: Path) -> None:
+    def stops(_: Result) -> Hints:
+        raise KeyboardInterrupt
+
+    claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
+    config = yaml_of(preset("circle", ["period=0.02"]))
+    with pytest.raises(KeyboardInterrupt):
+        write_run(claimed, tmp_path, config, check=checked, harden=stops, asked=asked_of(0.02))
+    assert json.loads((tmp_path / "result.json").read_text())["verdict"] == "inconclusive"
+    assert json.loads((tmp_path / LESS / "result.json").read_text())["verdict"] == "certified"

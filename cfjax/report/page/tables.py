@@ -65,6 +65,11 @@ def facts(result: Result) -> list[Fact]:
         period = rounded_down(result.robustness.alone.period, 3, MILLI)
         law = "told the speed alone, proven" if result.margin_per_metre else "proven"
         found.append(Fact(period, "ms", f"inputs held, {law}"))
+        if (ahead := result.robustness.sampled) is not None:
+            period = rounded_down(ahead.period, 3, MILLI)
+            found.append(Fact(period, "ms", "inputs held by the law that looks one hold ahead, proven"))
+            if ahead.delay:
+                found.append(Fact(rounded_down(ahead.delay, 3, MILLI), "ms", "its poses late, predicted, proven"))
     if "total" in result.seconds:
         found.append(Fact(number(result.seconds["total"], 3), "s", "for all of it"))
     return found
