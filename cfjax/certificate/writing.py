@@ -19,9 +19,10 @@ from cfjax.check.program import Gram
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfjax.certificate.trace import trace_law
 from cfjax.coerce import instance
 from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_path, write_surroundings
-from cfjax.problem import Problem, Vehicle
+from cfjax.problem import FeedbackLaw, Problem, Vehicle
 from cfjax.problem.vehicle import numbers_of
 
 
@@ -33,7 +34,13 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
         "inputs": write_inputs(exact_inputs(problem)),
         "path": _path(problem, graph),
         "sets": write_sets(problem),
+        **({} if problem.law is None else {"law": write_law(problem.law, trace_law(problem.vehicle, problem.law))}),
     }
+
+
+def write_law(law: FeedbackLaw, graph: Graph) -> dict[str, Any]:
+    """The inputs that a law gives, before they are limited, as a graph."""
+    return {"name": law.name, "nodes": [_node(node) for node in graph.nodes], "outputs": list(graph.outputs)}
 
 
 def exact_inputs(problem: Problem) -> dict[str, Range]:

@@ -338,3 +338,11 @@ class Enclosure:
 
 def _sum(first: Remainder, second: Remainder) -> Remainder:
     return first[0] + second[0], first[1] + second[1], first[2] + second[2]
+
+
+def cut(polynomial: fmpq_mpoly, degree: int) -> fmpq_mpoly:
+    """The terms up to the degree."""
+    if polynomial.total_degree() <= degree:
+        return polynomial
+    terms = polynomial.to_dict().items()
+    return polynomial.context().from_dict({e: c for e, c in terms if sum(map(int, e)) <= degree})

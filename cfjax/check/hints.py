@@ -8,6 +8,7 @@ from typing import NamedTuple
 from flint import fmpq
 
 from cfjax.check.bounds import MOST_EXTREMES, Bounds, read_stretch_bounds
+from cfjax.check.decrease import by_boundary
 from cfjax.check.graph import MOST_FUNCTIONS, MOST_INPUTS, MOST_NODES
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Item
@@ -98,9 +99,7 @@ def read_decrease(item: Item, states: int, inputs: int, room: Room) -> DecreaseH
 def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> StretchHints:
     end, bounds, whitening, enclosures, cells = item.record("end", "bounds", "whitening", "enclosures", "cells")
     by_node, by_cell = read_enclosures(enclosures), {}
-    entries = cells.items(MOST_CELLS)
-    room.take(len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes), cells)
-    for entry in entries:
+    for entry in cells.items(MOST_CELLS):
         reference, piece, signs, margin, remainder, grams = entry.record(
             "reference", "piece", "signs", "margin", "remainder", "grams"
         )
@@ -111,11 +110,13 @@ def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> Str
         )
         if key in by_cell:
             entry.refuse("each cell once")
-        tables, (constant, square) = grams.items(len(sizes), len(sizes)), remainder.items(2, 2)
+        own = by_boundary(sizes, key[2])
+        room.take(sum(rows * (rows + 1) // 2 for rows in own), entry)
+        tables, (constant, square) = grams.items(len(own), len(own)), remainder.items(2, 2)
         by_cell[key] = CellHints(
             margin.rational(),
             (constant.rational(), square.rational()),
-            tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
+            tuple(read_gram(table, rows) for table, rows in zip(tables, own, strict=True)),
         )
     rows = read_matrix(whitening, states)
     until = None if end.value is None else end.positive()
@@ -140,7 +141,7 @@ def _unary(item: Item) -> tuple[int, UnaryHint]:
     )
     powers = tuple(value.rational() for value in coefficients.items(MOST_COEFFICIENTS))
     hint = function.text(), powers, lower.rational(), upper.rational(), bound.rational()
-    return node.integer(0, MOST_NODES), hint
+    return node.integer(0, 2 * MOST_NODES), hint  # of vehicle and law
 
 
 def read_matrix(item: Item, size: int) -> Matrix:

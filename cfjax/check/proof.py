@@ -59,6 +59,8 @@ class Question:
         """
         if bounds.is_single:
             return bounds.extremes()
+        if self.model.law is not None:
+            raise Broken("law: it is proven where curvature and speed do not change; on this path they do")
         if bounds.curvature_rate is not None:
             self.require_affine()
             return bounds.extremes()
@@ -244,7 +246,7 @@ def _prove_stretch(
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)
-        enclosures = prove_enclosures(hints.enclosures, model.vehicle.graph.functions(), effort)
+        enclosures = prove_enclosures(hints.enclosures, model.functions, effort)
         questions = [
             SteadyDecrease(
                 graph=model.vehicle.graph,
@@ -256,6 +258,7 @@ def _prove_stretch(
                 pieces=tuple(pieces),
                 enclosures=enclosures,
                 degrees=degrees,
+                law=model.law,
             )
             for extreme in extremes
         ]
@@ -312,4 +315,4 @@ def _named(key: CellKey, extremes: list[Extreme]) -> str:
 
 
 def signs_text(signs: tuple[int, ...]) -> str:
-    return "(" + "".join("+" if sign > 0 else "-" for sign in signs) + ")"
+    return "(" + "".join("-0+"[1 + sign] for sign in signs) + ")"

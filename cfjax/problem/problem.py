@@ -23,6 +23,7 @@ from cfjax.problem.deviation import (
     feedforward,
     in_batches,
 )
+from cfjax.problem.feedback import FeedbackLaw, Steered
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances, footprint_of, obstacles_of
 from cfjax.problem.path import Path
 from cfjax.problem.sets import Box, Ellipsoid, box, ellipsoid
@@ -94,6 +95,8 @@ class Problem:
         timing: the interval of u0 for "pf", [lower, upper] around 1, seconds of reference time per second of the clock;
             "tt" has none to choose.
         authority: how far a law may go from what the reference needs towards the inputs' limits, above 0 and at most 1.
+        law: the feedback law that gives the vehicle's inputs, limited to their intervals; u0 stays as `method` has it.
+            None: V is to fall with the best inputs.
 
     Raises:
         InputError: where the question cannot be asked: values of another kind, wrong dimensions, a reference that the
@@ -110,6 +113,7 @@ class Problem:
     method: Method
     timing: Interval
     authority: float
+    law: FeedbackLaw | None
 
     def __init__(
         self,
@@ -123,6 +127,7 @@ class Problem:
         method: Method | str = Method.PF,
         timing: Interval | Numbers = TIMING,
         authority: Number = 1.0,
+        law: FeedbackLaw | None = None,
     ) -> None:
         states = coerce.instance("vehicle", vehicle, Vehicle).state_names
         coerce.keep(
@@ -137,6 +142,7 @@ class Problem:
             method=coerce.choice("method", method, Method),
             timing=interval("timing", timing),
             authority=coerce.number("authority", authority, above=0, most=1),
+            law=coerce.optional("law", law, FeedbackLaw),
         )
         self._check_sets()
         if self.path.tube:
@@ -145,6 +151,8 @@ class Problem:
             coerce.refuse("sets.goal", "a number or half-axes for a path, which ends", None)
         self._check_references()
         self._check_obstacles()
+        if self.law is not None:
+            coerce.keep(self, law=self.law.fitted(self))
 
     def _check_sets(self) -> None:
         states, heading = self.vehicle.state_names, self.inlet.half_axes[0]
@@ -159,6 +167,11 @@ class Problem:
                     raise InputError(
                         f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
                     )
+
+    @property
+    def driven(self) -> Vehicle:
+        """The vehicle with its law, where there is one."""
+        return self.vehicle if self.law is None else Steered(self.vehicle, self.law)
 
     @property
     def inputs(self) -> tuple[Interval, ...]:
