@@ -53,6 +53,8 @@ def check_question(problem: Problem, options: Options) -> None:
     if options.certificate == "tube" and options.template != "contracting":
         raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
     learner = options.chosen_learner
+    if problem.law is not None:
+        _require_provable_law(problem, options)
     if options.certificate == "tube" and not learner.tubes:
         raise InputError(f"certificate: expected auto or segment with learner={learner.name}, got tube")
     if path.tube and not learner.tubes:
@@ -63,6 +65,20 @@ def check_question(problem: Problem, options: Options) -> None:
         raise InputError(
             f"learner={learner.name}: expected one distinct segment, got {len(path.distinct)}: it learns one funnel"
         )
+
+
+def _require_provable_law(problem: Problem, options: Options) -> None:
+    """What a law is proven of, and who learns for one."""
+    path = problem.path
+    if path.tube or not all(segment.is_steady for segment in path.curve):
+        raise InputError(f"law: expected straight lines and circles at constant speed, got {path.name}")
+    if options.certificate == "tube":
+        raise InputError("certificate: expected auto or segment with a law, got tube: the library's tubes have none")
+    if not options.chosen_learner.tubes:
+        name = options.chosen_learner.name
+        raise InputError(f"law: expected none with learner={name}, which learns from the inputs of a controller")
+    if options.period is not None:
+        raise InputError("period: expected none with a law: it is proven of a law that looks one hold ahead")
 
 
 def _require_steady(path: Path, options: Options) -> None:

@@ -25,6 +25,7 @@ from cfjax.options import Options, ProofLimits
 
 
 INTERVAL = "a number or an interval [lower, upper]"
+GAIN = "a list of rows of numbers, a row for each input, or null"
 BY_STATE = "a number or a list of numbers, one a state"
 DISCS = "a list of discs [radius, offset]"
 OBSTACLES = "a list, like [{disc: [x, y, radius]}]"
@@ -256,6 +257,19 @@ class ObjectiveConfig:
 
 
 @dataclass
+class LawConfig:
+    """The feedback law that gives the vehicle's inputs; with none, V is to fall under the best ones."""
+
+    kind: str = "none"  # "none"; or "linear", u = u_r + K x
+    gain: Any = _any_of(GAIN, None)  # K, columns by state, in the units of both; null: the linear-quadratic regulator
+
+    def build(self) -> "cfjax.problem.FeedbackLaw | None":
+        """The law."""
+        kinds = {"none": lambda: None, "linear": lambda: cfjax.problem.LinearLaw(self.gain)}
+        return kinds[one_of("law.kind", self.kind, kinds)]()
+
+
+@dataclass
 class PolytopeConfig:
     """Read only with learner=polytope."""
 
@@ -300,6 +314,7 @@ class Config:
     method: str = "pf"  # "pf", path following, with the timing u0 free; "tt", trajectory tracking, with u0 = 1
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # interval of u0 around 1; with pf only
     authority: float = 1.0  # how far a law may go from what the reference needs to the inputs' limits; 1: all the way
+    law: LawConfig = field(default_factory=LawConfig)
     template: str = Options.template
     certificate: str = Options.certificate
     learner: str = DEFAULT  # "gradient"; or "polytope", the paper's own, by elimination from demonstrations

@@ -68,6 +68,11 @@ class LinearLaw(FeedbackLaw):
 
     name: ClassVar[str] = "linear"
 
+    def __post_init__(self) -> None:
+        gain = None if self.gain is None else coerce.array("law.gain", self.gain, (None, None)).tolist()
+        centre = None if self.centre is None else coerce.array("law.centre", self.centre, (None,)).tolist()
+        coerce.keep(self, gain=gain and tuple(map(tuple, gain)), centre=centre and tuple(centre))
+
     def inputs(self, vehicle: Vehicle, x: Sequence[Scalar], reference: ReferencePoint) -> tuple[Scalar, ...]:
         assert self.gain is not None and self.centre is not None  # `fitted` has set them
         return tuple(
@@ -78,19 +83,16 @@ class LinearLaw(FeedbackLaw):
     def fitted(self, problem: "Problem") -> "LinearLaw":
         segments, vehicle = problem.path.distinct, problem.vehicle
         if problem.path.tube or len(segments) > 1 or not segments[0].is_steady:
-            raise InputError(f"law=linear: expected a path that is one straight line or one circle, got {problem.path.name}")
+            raise InputError(
+                f"law=linear: expected a path that is one straight line or one circle, got {problem.path.name}"
+            )
         point = segments[0].point(0.0)
-        if self.centre is None:
-            centre = problem.feedforward(point)[1:]
-        else:
-            centre = coerce.array("law.centre", self.centre, (len(vehicle.input_names),))
-        if self.gain is None:
-            gain = _regulator(problem, point)
-        else:
-            gain = coerce.array("law.gain", self.gain, (len(vehicle.input_names), problem.dimension))
-        return replace(
-            self, gain=tuple(tuple(map(float, row)) for row in gain), centre=tuple(map(float, centre))
-        )
+        count = len(vehicle.input_names)
+        gain = _regulator(problem, point) if self.gain is None else self.gain
+        centre = problem.feedforward(point)[1:] if self.centre is None else self.centre
+        coerce.array("law.gain", gain, (count, problem.dimension))
+        coerce.array("law.centre", centre, (count,))
+        return replace(self, gain=gain, centre=centre)
 
 
 def _regulator(problem: "Problem", point: ReferencePoint) -> np.ndarray:
