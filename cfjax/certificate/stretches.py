@@ -171,8 +171,8 @@ def _require_readable(question: SteadyDecrease) -> None:
     effort = sum(count**3 * (1 + count * GRAM_BITS // 2048) for own in cells for count in own)
     if effort > LARGEST_EFFORT:
         raise TooLarge(
-            f"{size} {len(cells)} times {len(rows)} Gram matrices of up to {max(rows)} rows: {effort / 1e6:.0f} million "
-            f"products at least, and a checker does at most {LARGEST_EFFORT / 1e6:.0f} million"
+            f"{size} {len(cells)} times {len(rows)} Gram matrices of up to {max(rows)} rows: {effort / 1e6:.0f} "
+            f"million products at least, and a checker does at most {LARGEST_EFFORT / 1e6:.0f} million"
         )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
+from cfjax.certificate.trace import trace_law
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import CLAIMS, FORMAT, HINTS, VERSION, WITNESS, LegClaim, document_hash
@@ -19,7 +20,6 @@ from cfjax.check.program import Gram
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
-from cfjax.certificate.trace import trace_law
 from cfjax.coerce import instance
 from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_path, write_surroundings
 from cfjax.problem import FeedbackLaw, Problem, Vehicle

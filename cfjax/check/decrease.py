@@ -54,7 +54,8 @@ Vertex = tuple[fmpq | int, ...]  # by input: a number, or the regime of a law
 class Cell:
     """One sign pattern on one range of q: the signs of the s_i (in the order of the inputs) and the vertex u.
 
-    Of an input that a law gives, sign and entry of the vertex are its regime (`cfjax.check.law`). `remainder` is the bound of ε that a file states; without one it is the least that is known.
+    Of an input that a law gives, sign and entry of the vertex are its regime (`cfjax.check.law`). `remainder` is the
+    bound of ε that a file states; without one it is the least that is known.
     """
 
     piece: int

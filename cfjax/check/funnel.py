@@ -80,7 +80,8 @@ def fallen_level(fallen: fmpq, beta_lower: fmpq, beta_inner: fmpq) -> fmpq:
 class Model:
     """The car that a funnel is proven for, and by what its lengths and speeds are multiplied to be the one that drives.
 
-    `inputs` is the box with which condition (d) is proven, in the units of this car; `law` gives them where there is one.
+    `inputs` is the box with which condition (d) is proven, in the units of this car; a `law`, where there is one, gives
+    them.
     """
 
     vehicle: VehicleClaim

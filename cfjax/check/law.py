@@ -12,7 +12,7 @@ and, whatever the s are, the three cells cover everything:
     high    s_upper ≥ 0                    u is upper, or below it by at most ε/d
 
 For the cell inside: where k lies within its limits, u D = N, which is p_N but for ε_N. Where k > upper, u D = upper D.
-This is below N ≤ p_N + ε_N; and it is at least p_N − c − |upper| ε_D, for s_upper ≤ 0 there. Below lower it is likewise.
+This is below N ≤ p_N + ε_N, and at least p_N − c − |upper| ε_D, for s_upper ≤ 0 there. Below lower it is likewise.
 So near a boundary the statements of both cells hold, and nowhere is the sign of a polynomial taken for that of k.
 """
 

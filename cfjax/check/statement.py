@@ -48,7 +48,9 @@ VIOLATED = {
     Violation.DECREASE: (
         "condition (d) fails: no input in the box decreases V as fast as claimed at a deviation of the shell"
     ),
-    Violation.LAW: "condition (d) fails: under the law no u0 decreases V as fast as claimed at a deviation of the shell",
+    Violation.LAW: (
+        "condition (d) fails: under the law no u0 decreases V as fast as claimed at a deviation of the shell"
+    ),
 }
 
 
@@ -153,7 +155,8 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
     else:
         along = f" along leg {witness.leg}" if len(claims.parts) > 1 else ""
         candidate, path = f"{_templates((funnel,))}, {shell}{along}", _path(problem.path, course)
-    place = place_of(refuted.extremes, witness.reference) if refuted.violation in (Violation.DECREASE, Violation.LAW) else ""
+    of_decrease = refuted.violation in (Violation.DECREASE, Violation.LAW)
+    place = place_of(refuted.extremes, witness.reference) if of_decrease else ""
     at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     return (
         Section("REFUTED", (f"{candidate} with margin lambda = {margin} 1/s is no control funnel function",)),

@@ -47,8 +47,8 @@ class Given(Law):
             raise InputError(f"law: expected a problem with a law, got the vehicle {vehicle.name} alone")
         descent = descent_at(vehicle, template, numbers, reference, theta, x)
         inputs = [jnp.clip(k, numbers.lower[i], numbers.upper[i]) for i, k in enumerate(own, 1)]
-        moved = [slope * (u - rest) for slope, u, rest in zip(descent.slopes[1:], inputs, descent.centre[1:], strict=True)]
-        shift = sum(moved)
+        moved = zip(descent.slopes[1:], inputs, descent.centre[1:], strict=True)
+        shift = sum(slope * (u - rest) for slope, u, rest in moved)
         return self.choose(
             descent._replace(
                 rate=descent.rate + shift,

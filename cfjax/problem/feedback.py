@@ -1,8 +1,8 @@
 """Feedback laws that people use, each written once: what is proven of a law, learned for it and driven is this.
 
 A law gives the vehicle's inputs as functions of the deviation and the reference; outside its limits an input is at the
-nearer limit, u_i = clip(k_i(x, reference), lower_i, upper_i). u0 = dθ/dt is no part of it: with trajectory tracking it is
-1, with path following some u0 of its interval is chosen beside the law.
+nearer limit, u_i = clip(k_i(x, reference), lower_i, upper_i). u0 = dθ/dt is no part of it: with trajectory tracking it
+is 1, with path following some u0 of its interval is chosen beside the law.
 
 Functions take and return scalars, as a vehicle's do (`cfjax.problem.vehicle`), and are traced into the graph that a
 certificate carries: sums, products, quotients, sin, cos, tan and square roots.
@@ -11,20 +11,26 @@ certificate carries: sums, products, quotients, sin, cos, tan and square roots.
 import abc
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from cfjax import coerce
 from cfjax.errors import InputError
-from cfjax.problem.deviation import ReferencePoint, affine_deviation
+from cfjax.problem.deviation import ReferencePoint, affine_deviation, feedforward
 from cfjax.problem.vehicle import Interval, Scalar, Twist, Vehicle
 
 
-if TYPE_CHECKING:
-    from cfjax.problem.problem import Problem
-
 DIGITS = 4  # of a gain that is computed: people read it, and a short number is proven faster
+
+
+class Asked(NamedTuple):
+    """What a law is for, as far as it may fit itself to it."""
+
+    vehicle: Vehicle
+    reference: ReferencePoint | None  # of a path that is one straight line or one circle; None of another one
+    inputs: tuple[Interval, ...]  # u0 first
+    widths: tuple[float, ...]  # half-axes of I, by state
 
 
 class FeedbackLaw(abc.ABC):
@@ -40,8 +46,8 @@ class FeedbackLaw(abc.ABC):
         `speed_slope`.
         """
 
-    def fitted(self, problem: "Problem") -> "FeedbackLaw":
-        """The law with what it takes from the problem, a gain say.
+    def fitted(self, asked: Asked) -> "FeedbackLaw":
+        """The law with what it takes from the question, a gain say.
 
         Raises:
             InputError: it is no law for this problem.
@@ -56,15 +62,15 @@ class LinearLaw(FeedbackLaw):
     Args:
         gain: K, a row for each of the vehicle's inputs, a column for each state, in the units of both. None: the
             linear-quadratic regulator about the reference, where each state costs as much at its half-axis of I as
-            each input at half the width of its interval.
+            each input at half the width of its interval; the timing u0 is an input of it where it is free.
         centre: u_r; None: computed for the problem.
 
     Raises:
         InputError: for what is no such matrix.
     """
 
-    gain: tuple[tuple[float, ...], ...] | None = None
-    centre: tuple[float, ...] | None = None
+    gain: Sequence[Sequence[float]] | None = None
+    centre: Sequence[float] | None = None
 
     name: ClassVar[str] = "linear"
 
@@ -80,50 +86,53 @@ class LinearLaw(FeedbackLaw):
             for rest, row in zip(self.centre, self.gain, strict=True)
         )
 
-    def fitted(self, problem: "Problem") -> "LinearLaw":
-        segments, vehicle = problem.path.distinct, problem.vehicle
-        if problem.path.tube or len(segments) > 1 or not segments[0].is_steady:
-            raise InputError(
-                f"law=linear: expected a path that is one straight line or one circle, got {problem.path.name}"
-            )
-        point = segments[0].point(0.0)
-        count = len(vehicle.input_names)
-        gain = _regulator(problem, point) if self.gain is None else self.gain
-        centre = problem.feedforward(point)[1:] if self.centre is None else self.centre
-        coerce.array("law.gain", gain, (count, problem.dimension))
+    def fitted(self, asked: Asked) -> "LinearLaw":
+        if asked.reference is None:
+            raise InputError("law=linear: expected a path that is one straight line or one circle")
+        gain = _regulator(asked, asked.reference) if self.gain is None else self.gain
+        centre = _holding(asked.vehicle, asked.reference)[1:] if self.centre is None else self.centre
+        count = len(asked.vehicle.input_names)
+        coerce.array("law.gain", gain, (count, len(asked.widths)))
         coerce.array("law.centre", centre, (count,))
         return replace(self, gain=gain, centre=centre)
 
 
-def _regulator(problem: "Problem", point: ReferencePoint) -> np.ndarray:
-    """K of the linear-quadratic regulator about the reference, with u0 = 1.
+def _holding(vehicle: Vehicle, point: ReferencePoint) -> tuple[float, ...]:
+    """Inputs (1, u_r) that hold the vehicle on the reference."""
+    return tuple(float(entry) + 0.0 for entry in feedforward(vehicle, point))  # no −0
+
+
+def _regulator(asked: Asked, point: ReferencePoint) -> tuple[tuple[float, ...], ...]:
+    """K of the linear-quadratic regulator about the reference; u0 is one of its inputs where it is free.
 
     Raises:
         InputError: there is none: the linearised vehicle is not stabilisable.
     """
     import scipy.linalg  # brought only where it is needed, as curves bring it
 
-    size, width = problem.dimension, np.array(problem.inlet.half_axes)
-    centre = problem.feedforward(point)
-    _, columns = affine_deviation(problem.vehicle, np.zeros(size), point)
+    vehicle, size, width = asked.vehicle, len(asked.widths), np.array(asked.widths)
+    centre = np.array(_holding(vehicle, point))
+    _, columns = affine_deviation(vehicle, np.zeros(size), point)
     step = 1e-6 * width
 
     def rate(x: np.ndarray) -> np.ndarray:
-        drift, columns = affine_deviation(problem.vehicle, x, point)
+        drift, columns = affine_deviation(vehicle, x, point)
         return np.asarray(drift) + np.asarray(columns) @ centre
 
     a = np.stack([(rate(e) - rate(-e)) / (2 * h) for e, h in zip(np.diag(step), step, strict=True)], axis=1)
-    b = np.asarray(columns)[:, 1:]
-    half = np.array([limits.half for limits in problem.inputs[1:]])
+    half = np.array([limits.half for limits in asked.inputs])
+    free = half > 0
+    b = np.asarray(columns)[:, free]
     try:
-        cost = scipy.linalg.solve_continuous_are(a, b, np.diag(width**-2.0), np.diag(half**-2.0))
+        cost = scipy.linalg.solve_continuous_are(a, b, np.diag(width**-2.0), np.diag(half[free] ** -2.0))
     except (np.linalg.LinAlgError, ValueError) as error:
         raise InputError(
             f"law.gain: expected a gain, for the vehicle about its reference has no linear-quadratic regulator: {error}"
         ) from None
-    gain = -(half[:, None] ** 2) * (b.T @ cost)
+    gain = np.zeros((len(half), size))
+    gain[free] = -(half[free, None] ** 2) * (b.T @ cost)
     gain[np.abs(gain) * width < 1e-6 * half[:, None]] = 0.0  # what only rounding leaves
-    return np.array([[float(f"{entry:.{DIGITS}g}") for entry in row] for row in gain])
+    return tuple(tuple(float(f"{entry:.{DIGITS}g}") for entry in row) for row in gain[1:])
 
 
 @dataclass(frozen=True)

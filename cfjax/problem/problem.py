@@ -4,13 +4,10 @@ import enum
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from cfjax import coerce
 from cfjax.coerce import Number, Numbers
@@ -19,16 +16,14 @@ from cfjax.problem.deviation import (
     FEW,
     ReferencePoint,
     affine_deviation,
-    deviation_rate,
-    feedforward,
-    in_batches,
+    held,
 )
-from cfjax.problem.feedback import FeedbackLaw, Steered
+from cfjax.problem.feedback import Asked, FeedbackLaw, Steered
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, disc_centres, distances, footprint_of, obstacles_of
 from cfjax.problem.path import Path
 from cfjax.problem.sets import Box, Ellipsoid, box, ellipsoid
 from cfjax.problem.tube import Tube
-from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Vehicle, interval
+from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle, interval
 
 
 POSES = 401  # per segment, at which the reference's distance from obstacles is looked at
@@ -152,7 +147,8 @@ class Problem:
         self._check_references()
         self._check_obstacles()
         if self.law is not None:
-            coerce.keep(self, law=self.law.fitted(self))
+            asked = Asked(self.vehicle, self.path.steady_reference, self.inputs, self.inlet.half_axes)
+            coerce.keep(self, law=self.law.fitted(asked))
 
     def _check_sets(self) -> None:
         states, heading = self.vehicle.state_names, self.inlet.half_axes[0]
@@ -194,7 +190,7 @@ class Problem:
         """The least and the largest of each input that the reference needs by itself, along the path."""
         points = [point for segment in self.path.distinct for point in segment.samples(PLACES)]
         if len(points) > FEW:
-            inputs, *_ = _held(self.vehicle, np.array(points, float))
+            inputs, *_ = held(self.vehicle, np.array(points, float))
             needed = np.concatenate([np.ones((len(points), 1)), inputs], axis=1)
         else:
             needed = np.array([self.feedforward(point) for point in points])
@@ -287,7 +283,7 @@ class Problem:
         if len(points) <= FEW:
             return range(len(points))
         table = np.array(points, float)
-        inputs, left, size, twist = _held(self.vehicle, table)
+        inputs, left, size, twist = held(self.vehicle, table)
         box = np.array([(limits.lower, limits.upper) for limits in self.vehicle.input_box]).reshape(-1, 2)
         turning, speed = table[:, 0], table[:, 1]
         turn, lateral, forward = twist.T
@@ -377,31 +373,3 @@ class Problem:
         largest = abs(low / point.speed)
         digits = 3 - math.floor(math.log10(largest)) if largest else 0
         return math.floor(largest * 10**digits) / 10**digits
-
-
-@np.errstate(invalid="ignore")
-def _held(vehicle: Vehicle, points: Float[np.ndarray, "n 4"]) -> tuple[np.ndarray, ...]:
-    """Of many references: inputs (n, m) that hold the vehicle on each, the largest rate that they leave (n,), the
-    largest without them (n,), and the reference's twist (n, 3)."""
-    return tuple(in_batches(partial(_held_batch, vehicle), points))
-
-
-@partial(jax.jit, static_argnums=0)
-def _held_batch(vehicle: Vehicle, points: Float[Array, "n 4"]) -> tuple[Array, ...]:
-    def one(row: Float[Array, " 4"]) -> tuple[Array, ...]:
-        point = ReferencePoint(*row)
-        origin = (0.0,) * len(vehicle.state_names)
-        inputs = feedforward(vehicle, point)
-
-        def rate(*given: Scalar) -> Array:
-            return jnp.stack([jnp.asarray(each, float) for each in deviation_rate(vehicle, origin, given, point)])
-
-        def largest(values: Array) -> Array:
-            return jnp.abs(values).max()
-
-        still = rate(1.0, *(0.0 for _ in vehicle.input_names))
-        twist = vehicle.reference(point.turn_rate, point.speed)[0]
-        held = jnp.stack([jnp.asarray(each, float) for each in inputs[1:]])
-        return held, largest(rate(*inputs)), largest(still), jnp.stack([jnp.asarray(each, float) for each in twist])
-
-    return jax.vmap(one)(points)

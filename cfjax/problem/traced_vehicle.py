@@ -24,7 +24,10 @@ def traced_vehicle(vehicle: Vehicle) -> "TracedVehicle":
 
 
 class TracedVehicle(Vehicle):
-    """Twist, rates of the internal states, reference and, where it has one, law of a vehicle. Scalars may be arrays of one shape."""
+    """Twist, rates of the internal states, reference and, where it has one, law of a vehicle.
+
+    Scalars may be arrays of one shape.
+    """
 
     _box: tuple[Interval, ...]
     _twist: core.ClosedJaxpr
