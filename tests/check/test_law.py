@@ -187,7 +187,7 @@ SPOILED: dict[str, tuple[Change, Outcome, str]] = {
     "more remainder": (
         lambda d: cell_with(d, LOW).update(remainder=["0", "0"]),
         Outcome.BROKEN,
-        "left over|leave over",
+        "leave over is more than is stated",
     ),
     "a law that reads inputs": (reading("input:w"), Outcome.UNREADABLE, "a law reads states and the reference"),
     "a law that reads u0": (reading("input:u0"), Outcome.UNREADABLE, "a law reads states and the reference"),
@@ -264,19 +264,19 @@ RING = fmpq_mpoly_ctx.get(["y0", "y1"], "degrevlex")
 
 
 def quotient_law(remainder: tuple[int, int, int]) -> tuple[Quotient, Callable[..., Any]]:
-    """N = y0 + y0 y1²/2 and D = 2 + y1 + y0³/4 with remainders on the unit ball, N/D; and what N and D may be there."""
+    """N = y0 + y0 y1²/2 and D = (2 + y1 + y0³/4)/4 with remainders on the unit ball, N/D; and what N and D may be there."""
     y0, y1 = RING.gens()
     domain = Domain(RING, fmpq(1))
     errors = tuple(fmpq(each, 1000) for each in remainder)
     above = Enclosure(domain, y0 + y0 * y1 * y1 * fmpq(1, 2), errors)
-    below = Enclosure(domain, 2 + y1 + y0**3 * fmpq(1, 4), (fmpq(1, 500), fmpq(0), fmpq(0)))
-    unary = UnaryEnclosure("inv", (fmpq(3, 2),), fmpq(1, 2), fmpq(4), fmpq(2))
+    below = Enclosure(domain, (2 + y1 + y0**3 * fmpq(1, 4)) * fmpq(1, 4), (fmpq(1, 40), fmpq(0), fmpq(0)))
+    unary = UnaryEnclosure("inv", (fmpq(4),), fmpq(1, 8), fmpq(1), fmpq(5))
     one_over = applied(0, "inv", Quotient(below), lambda *_: unary)
 
     def value(a: float, b: float, share: float, other: float) -> tuple[float, float]:
         size = math.hypot(a, b)
         error = share * sum(e * size**k / 1000 for k, e in enumerate(remainder))
-        return a + a * b * b / 2 + error, 2 + b + a**3 / 4 + other / 500
+        return a + a * b * b / 2 + error, (2 + b + a**3 / 4) / 4 + other / 40
 
     return Quotient(above) * one_over, value
 
@@ -286,12 +286,12 @@ def quotient_law(remainder: tuple[int, int, int]) -> tuple[Quotient, Callable[..
 def test_statements_of_the_cells_cover_the_law(degree: int | None, remainder: tuple[int, int, int]) -> None:
     """Where boundaries say that a cell is, the limited law is what the cell says of it: for every N and D enclosed."""
     k, true = quotient_law(remainder)
-    limited = Limited(k, fmpq(-1, 5), fmpq(3, 20), degree)
+    limited = Limited(k, fmpq(-4, 5), fmpq(3, 5), degree)
     rng, met, closest = np.random.default_rng(3), dict.fromkeys(REGIMES, 0), math.inf
-    for _ in range(3000):
-        a, b = rng.uniform(-0.7, 0.7, 2)
+    for _ in range(4000):
+        a, b = rng.uniform(-1, 1, 2) * math.sqrt(0.5)
         above, below = true(a, b, *rng.choice([-1.0, 0.3, 1.0], 2))
-        u, covered = min(max(above / below, -0.2), 0.15), False
+        u, covered = min(max(above / below, -0.8), 0.6), False
         for regime in REGIMES:
             if min(value_at(side, a, b) for side in limited.constraints(regime)) < 0:
                 continue
@@ -305,7 +305,7 @@ def test_statements_of_the_cells_cover_the_law(degree: int | None, remainder: tu
             closest = min(closest, spread - distance)
         assert covered  # by one cell at least
     assert min(met.values()) > 50
-    assert closest < 0.02  # they say no more than they have to
+    assert closest < 0.03  # they say no more than they have to
 
 
 def value_at(polynomial: Any, a: float, b: float) -> float:
