@@ -39,7 +39,7 @@ from flint import fmpq, fmpq_mpoly
 from cfjax.check.bounds import Extreme
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure, cut
 from cfjax.check.graph import Graph
-from cfjax.check.law import INSIDE, READABLE, REGIMES, LawClaim, Limited
+from cfjax.check.law import DEGREE, INSIDE, READABLE, REGIMES, LawClaim, Limited
 from cfjax.check.level import LevelPiece
 from cfjax.check.program import CellProof, FunnelProgram, Matrix
 from cfjax.check.quotient import Quotient, UnaryOf, applied
@@ -106,10 +106,13 @@ class SteadyDecrease(FunnelProgram):
             return {}
         values = self._states | {f"reference:{name}": self.number(self.extreme.profile[name]) for name in READABLE}
         since = len(self.graph.nodes)
-        outputs = self.law.graph.evaluate(
-            values, self.number, lambda node, name, argument: applied(since + node, name, argument, unary_of)
-        )
-        return dict(zip(list(self.inputs)[1:], outputs, strict=True))  # u0 comes first
+
+        def apply(node: int, name: str, argument: Quotient) -> Quotient:
+            return applied(since + node, name, Quotient(argument.enclosed().cut(DEGREE)), unary_of)
+
+        outputs = self.law.graph.evaluate(values, self.number, apply)
+        own = [Quotient(output.numerator.cut(DEGREE), output.powers) for output in outputs]
+        return dict(zip(list(self.inputs)[1:], own, strict=True))  # u0 comes first
 
     @property
     def _states(self) -> dict[str, Quotient]:

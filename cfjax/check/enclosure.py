@@ -272,6 +272,15 @@ class Enclosure:
                 remainder = _sum(remainder, self.domain.remainder_product(one.sizes, two.remainder))
         return Enclosure(self.domain, self.domain.product(self.polynomial, other.polynomial), remainder)
 
+    def cut(self, degree: int) -> "Enclosure":
+        """The same with a polynomial of at most this degree: what is cut off is a remainder."""
+        kept = cut(self.polynomial, degree)
+        if kept == self.polynomial:
+            return self
+        left_out = self.domain.sizes(self.domain.sum(self.polynomial, self.domain.negative(kept)))
+        beside = self.domain.remainder_product(left_out, (fmpq(1),))
+        return Enclosure(self.domain, kept, _sum(self.remainder, beside))
+
     @cached_property
     def sizes(self) -> list[fmpq]:
         """`Domain.sizes` of the polynomial."""

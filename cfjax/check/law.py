@@ -22,13 +22,14 @@ from functools import cached_property
 
 from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.enclosure import NO_REMAINDER, Enclosure, Remainder, cut
+from cfjax.check.enclosure import Enclosure, Remainder
 from cfjax.check.graph import Graph
 from cfjax.check.quotient import Quotient
 
 
 LOW, INSIDE, HIGH = -1, 0, 1  # the sign of a cell: where the law lies with respect to the limits
 REGIMES = LOW, INSIDE, HIGH
+DEGREE = 3  # of the polynomials that stand for a law, and for what it applies functions to: the rest is a remainder
 READABLE = ("turn_rate", "speed", "speed_slope")  # of the reference: what a law may depend on, beside the states
 
 
@@ -59,25 +60,23 @@ class Limited:
         domain, numerator = self.denominator.domain, self.own.numerator.polynomial
         return domain.sum(numerator, domain.product(self.denominator.polynomial, domain.ring.constant(-end)))
 
-    def boundary(self, end: fmpq) -> fmpq_mpoly:
-        """s at an end of the limits."""
-        return self.whole(end) if self.degree is None else cut(self.whole(end), self.degree)
+    def _cut(self, end: fmpq) -> Enclosure:
+        """s at an end of the limits; its remainder is c."""
+        whole = self.denominator.domain.exact(self.whole(end))
+        return whole if self.degree is None else whole.cut(self.degree)
 
     def _beside(self, end: fmpq) -> Remainder:
         """c + |end| ε_D: what s leaves out, beside the numerator's own remainder."""
-        domain, whole = self.denominator.domain, self.whole(end)
-        left_out = domain.sizes(domain.sum(whole, domain.negative(self.boundary(end))))
-        cut_off = domain.remainder_product(left_out, (fmpq(1),)) if any(left_out) else NO_REMAINDER
-        return _sum(cut_off, domain.remainder_product((abs(end),), self.denominator.remainder))
+        of_denominator = self.denominator.domain.remainder_product((abs(end),), self.denominator.remainder)
+        return _sum(self._cut(end).remainder, of_denominator)
 
     def constraints(self, regime: int) -> list[fmpq_mpoly]:
         """Polynomials that are not negative on the cell."""
+        above_lower, above_upper = (self._cut(end).polynomial for end in (self.lower, self.upper))
         negative = self.denominator.domain.negative
-        return {
-            LOW: lambda: [negative(self.boundary(self.lower))],
-            INSIDE: lambda: [self.boundary(self.lower), negative(self.boundary(self.upper))],
-            HIGH: lambda: [self.boundary(self.upper)],
-        }[regime]()
+        if regime == INSIDE:
+            return [above_lower, negative(above_upper)]
+        return [negative(above_lower)] if regime == LOW else [above_upper]
 
     def value(self, regime: int) -> Quotient:
         """The law's input on the cell, enclosed."""

@@ -80,7 +80,7 @@ def learn(
     beta_inner = inner_level(beta_inner, beta_lower)
     candidates, seed = whole("candidates", candidates, 1), whole("seed", seed, 0)
     report = progress or (lambda done, of: None)
-    tracking = tracking and problem.method is Method.PF
+    tracking = tracking and problem.method is Method.PF and (problem.law is None or problem.law.keeps_time)
     passes = ROUNDS * (2 if tracking else 1)
     report(0, passes)
     anneal = _Annealing(template, beta_lower, beta_inner, candidates, seed)

@@ -37,6 +37,7 @@ class FeedbackLaw(abc.ABC):
     """The vehicle's inputs as functions of the deviation."""
 
     name: ClassVar[str]
+    keeps_time: ClassVar[bool] = True  # whether it knows θ; another one needs a timing that is free
 
     @abc.abstractmethod
     def inputs(self, vehicle: Vehicle, x: Sequence[Scalar], reference: ReferencePoint) -> tuple[Scalar, ...]:

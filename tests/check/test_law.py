@@ -264,7 +264,7 @@ RING = fmpq_mpoly_ctx.get(["y0", "y1"], "degrevlex")
 
 
 def quotient_law(remainder: tuple[int, int, int]) -> tuple[Quotient, Callable[..., Any]]:
-    """N = y0 + y0 y1²/2 and D = (2 + y1 + y0³/4)/4 with remainders on the unit ball, N/D; and what N and D may be there."""
+    """N/D of N = y0 + y0 y1²/2, D = (2 + y1 + y0³/4)/4 with remainders on the unit ball; what both may be."""
     y0, y1 = RING.gens()
     domain = Domain(RING, fmpq(1))
     errors = tuple(fmpq(each, 1000) for each in remainder)
