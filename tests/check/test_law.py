@@ -23,7 +23,7 @@ from cfjax.falsifier import WorstPoint, falsify
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.problem import FeedbackLaw, LinearLaw, Problem, ReferencePoint, Vehicle, straight
 from cfjax.simulation import drive_cars
-from tests.check.vehicles import Cruiser
+from experiments.vehicles.cruiser import Cruiser
 
 
 GAIN = ((-1.764, 1.333, 0.0),)
@@ -44,7 +44,7 @@ class Saturating(FeedbackLaw):
 
 
 def problem_with(law: FeedbackLaw | None) -> Problem:
-    return Problem(straight(3.0, 1.0), vehicle=Cruiser(), inlet=0.3, goal=0.3, law=law)
+    return Problem(straight(3.0, 1.0), vehicle=Cruiser(1.0, 0.5, 0.4), inlet=0.3, goal=0.3, law=law)
 
 
 def candidate() -> Funnel:
@@ -267,8 +267,8 @@ def quotient_law(remainder: tuple[int, int, int]) -> tuple[Quotient, Callable[..
     """N/D of N = y0 + y0 y1²/2, D = (2 + y1 + y0³/4)/4 with remainders on the unit ball; what both may be."""
     y0, y1 = RING.gens()
     domain = Domain(RING, fmpq(1))
-    errors = tuple(fmpq(each, 1000) for each in remainder)
-    above = Enclosure(domain, y0 + y0 * y1 * y1 * fmpq(1, 2), errors)
+    constant, linear, square = (fmpq(each, 1000) for each in remainder)
+    above = Enclosure(domain, y0 + y0 * y1 * y1 * fmpq(1, 2), (constant, linear, square))
     below = Enclosure(domain, (2 + y1 + y0**3 * fmpq(1, 4)) * fmpq(1, 4), (fmpq(1, 40), fmpq(0), fmpq(0)))
     unary = UnaryEnclosure("inv", (fmpq(4),), fmpq(1, 8), fmpq(1), fmpq(5))
     one_over = applied(0, "inv", Quotient(below), lambda *_: unary)

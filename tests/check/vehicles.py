@@ -127,28 +127,3 @@ class Hauler(Unicycle):
     def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
         (v,), (_, power) = internal, inputs
         return (power / v,)
-
-
-@dataclass(frozen=True)
-class Cruiser(Vehicle):
-    """A car at one speed, steered by the tangent of its front wheels' angle: three states, so that proofs are fast."""
-
-    name: ClassVar[str] = "cruiser"
-    internal_names: ClassVar[tuple[str, ...]] = ()
-    input_names: ClassVar[tuple[str, ...]] = ("w",)
-    speed: float = 1.0  # m/s
-    wheelbase: float = 0.5  # m
-    most: float = 0.4  # of |w|
-
-    @property
-    def input_box(self) -> tuple[Interval, ...]:
-        return (Interval(-self.most, self.most),)
-
-    def twist(self, internal: tuple, inputs: tuple) -> Twist:
-        return Twist(turn=self.speed / self.wheelbase * inputs[0], lateral=0.0, forward=self.speed)
-
-    def internal_rate(self, internal: tuple, inputs: tuple) -> tuple:
-        return ()
-
-    def reference(self, turn_rate: Any, speed: Any) -> tuple[Twist, tuple]:
-        return Twist(turn=turn_rate, lateral=0.0, forward=speed), ()
