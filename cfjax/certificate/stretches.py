@@ -6,6 +6,7 @@ The question is put at the levels that the funnel has on the stretch. `cfjax.cer
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import comb
 
 import numpy as np
@@ -18,12 +19,14 @@ from cfjax.check.bounds import Bounds, Extreme, Range
 from cfjax.check.decrease import SteadyDecrease, by_boundary
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.hints import MOST_MONOMIALS
+from cfjax.check.law import DEGREES as LAW_DEGREES
 from cfjax.check.piece import Piece, between
 from cfjax.check.problem import ProblemClaim
 from cfjax.check.proof import Question
 from cfjax.check.symbolic import symbolic
 
 
+MOST_ROWS = 70  # of the Gram matrices of a law that is no polynomial: four states with V' of degree eight
 SAMPLES = 256  # of a stretch, in which bounds are looked for
 BOUND_BITS = 20  # of these bounds
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider than the samples
@@ -123,12 +126,7 @@ def decreases_on(
         degrees=(),
         law=question.model.law,
     )
-    standard = _posed(decrease, extremes, DEGREES)
-    # V' is multiplied by what it is divided by: cosines give that degree back
-    graphs = [vehicle.graph, *([question.model.law.graph] if question.model.law else [])]
-    if any("inv" in graph.functions_of(vehicle.states).values() for graph in graphs):
-        sparing = _posed(decrease, extremes, SPARING)
-        standard = min(standard, sparing, key=lambda questions: questions[0].degrees[0])
+    standard = _least(decrease, extremes) if decrease.law is None else _of_law(decrease, extremes)
     needed = standard[0].degrees
     if degrees and needed[0] > degrees[0]:
         raise TooLarge(f"V' of degree {2 * needed[0]}, where the stretches before have one of {2 * degrees[0]}")
@@ -136,6 +134,28 @@ def decreases_on(
     posed = [replace(each, degrees=degrees) for each in standard]
     _require_readable(posed[0])
     return posed
+
+
+def _least(question: SteadyDecrease, extremes: Sequence[Extreme]) -> list[SteadyDecrease]:
+    """The question with Gram matrices as small as can be."""
+    standard = _posed(question, extremes, DEGREES)
+    # V' is multiplied by what it is divided by: cosines give that degree back
+    if "inv" in question.graph.functions_of(question.states).values():
+        sparing = _posed(question, extremes, SPARING)
+        standard = min(standard, sparing, key=lambda questions: questions[0].degrees[0])
+    return standard
+
+
+def _of_law(question: SteadyDecrease, extremes: Sequence[Extreme]) -> list[SteadyDecrease]:
+    """The question with the closest polynomials for which Gram matrices are not too large, if there are such.
+
+    Where a law saturates, what its polynomials leave over costs more than larger matrices do.
+    """
+    choices = product((DEGREES, SPARING), sorted(LAW_DEGREES, reverse=True))
+    posed = [_posed(replace(question, law_degree=most), extremes, functions) for functions, most in choices]
+    states = len(question.states)
+    fitting = [each for each in posed if comb(states + each[0].degrees[0], states) <= MOST_ROWS]
+    return fitting[0] if fitting else min(posed, key=lambda questions: questions[0].degrees[0])
 
 
 def _posed(question: SteadyDecrease, extremes: Sequence[Extreme], functions: Mapping[str, int]) -> list[SteadyDecrease]:

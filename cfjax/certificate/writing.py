@@ -102,9 +102,13 @@ def write_joints(ratios: Sequence[fmpq]) -> list[dict[str, str]]:
     return [{"ratio": str(ratio)} for ratio in ratios]
 
 
-def write_decrease(degrees: Sequence[int], mirror: Sequence[int] | None, stretches: list[dict]) -> dict[str, Any]:
+def write_decrease(
+    degrees: Sequence[int], mirror: Sequence[int] | None, stretches: list[dict], law_degree: int | None = None
+) -> dict[str, Any]:
     """The hints for condition (d) of one funnel."""
-    return {"degrees": list(degrees), "mirror": None if mirror is None else list(mirror), "stretches": stretches}
+    of_law = {} if law_degree is None else {"law_degree": law_degree}
+    signs = None if mirror is None else list(mirror)
+    return {"degrees": list(degrees), "mirror": signs, "stretches": stretches, **of_law}
 
 
 def write_stretch(

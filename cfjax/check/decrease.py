@@ -39,7 +39,7 @@ from flint import fmpq, fmpq_mpoly
 from cfjax.check.bounds import Extreme
 from cfjax.check.enclosure import Enclosure, UnaryEnclosure, cut
 from cfjax.check.graph import Graph
-from cfjax.check.law import DEGREE, INSIDE, READABLE, REGIMES, LawClaim, Limited
+from cfjax.check.law import INSIDE, READABLE, REGIMES, LawClaim, Limited
 from cfjax.check.level import LevelPiece
 from cfjax.check.program import CellProof, FunnelProgram, Matrix
 from cfjax.check.quotient import Quotient, UnaryOf, applied
@@ -83,6 +83,7 @@ class SteadyDecrease(FunnelProgram):
     enclosures: Mapping[int, UnaryEnclosure]
     degrees: tuple[int, ...]  # of the monomials in the Gram matrices, in their order
     law: LawClaim | None = None
+    law_degree: int | None = None  # of polynomials that stand for the law and for what it applies functions to
 
     @property
     def peak(self) -> fmpq:
@@ -105,13 +106,13 @@ class SteadyDecrease(FunnelProgram):
         if self.law is None:
             return {}
         values = self._states | {f"reference:{name}": self.number(self.extreme.profile[name]) for name in READABLE}
-        since = len(self.graph.nodes)
+        since, most = len(self.graph.nodes), self.law_degree or 0
 
         def apply(node: int, name: str, argument: Quotient) -> Quotient:
-            return applied(since + node, name, Quotient(argument.enclosed().cut(DEGREE)), unary_of)
+            return applied(since + node, name, Quotient(argument.enclosed().cut(most)), unary_of)
 
         outputs = self.law.graph.evaluate(values, self.number, apply)
-        own = [Quotient(output.numerator.cut(DEGREE), output.powers) for output in outputs]
+        own = [Quotient(output.numerator.cut(most), output.powers) for output in outputs]
         return dict(zip(list(self.inputs)[1:], own, strict=True))  # u0 comes first
 
     @property

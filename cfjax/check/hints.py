@@ -54,11 +54,13 @@ class DecreaseHints:
     """What the prover found for condition (d) of one funnel; `degrees` are those of the Gram matrices.
 
     `mirror` are signs of states and inputs under which everything is its own mirror image; None: no use is made of any.
+    `law_degree` is that of the polynomials that stand for a law, where there is one.
     """
 
     degrees: tuple[int, ...]
     mirror: tuple[int, ...] | None
     stretches: tuple[StretchHints, ...]
+    law_degree: int | None = None
 
     @property
     def duration(self) -> fmpq | None:
@@ -84,7 +86,7 @@ def read_decrease(item: Item, states: int, inputs: int, room: Room) -> DecreaseH
     Raises:
         Unreadable: says what was expected where.
     """
-    degrees, mirror, stretches = item.record("degrees", "mirror", "stretches")
+    degrees, mirror, stretches, *law = item.record("degrees", "mirror", "stretches", *item.optional("law_degree"))
     orders = tuple(degree.integer(0, 8) for degree in degrees.items(MOST_INPUTS + 3, 3))
     sizes = [comb(states + degree, degree) for degree in orders]
     if max(sizes) > MOST_MONOMIALS:
@@ -93,7 +95,7 @@ def read_decrease(item: Item, states: int, inputs: int, room: Room) -> DecreaseH
     if len(found) > 1 and any(stretch.end is None for stretch in found):
         stretches.refuse("an end of every stretch, or a single one without")
     signs = None if mirror.value is None else mirror.integers(states + inputs, -1, 1)
-    return DecreaseHints(orders, signs, found)
+    return DecreaseHints(orders, signs, found, law[0].integer(1, 8) if law else None)
 
 
 def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> StretchHints:

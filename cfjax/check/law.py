@@ -29,7 +29,7 @@ from cfjax.check.quotient import Quotient
 
 LOW, INSIDE, HIGH = -1, 0, 1  # the sign of a cell: where the law lies with respect to the limits
 REGIMES = LOW, INSIDE, HIGH
-DEGREE = 3  # of the polynomials that stand for a law, and for what it applies functions to: the rest is a remainder
+DEGREES = 3, 4  # that are tried, of the polynomials that stand for a law: what is above is a remainder
 READABLE = ("turn_rate", "speed", "speed_slope")  # of the reference: what a law may depend on, beside the states
 
 

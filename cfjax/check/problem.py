@@ -93,7 +93,7 @@ def problem_of(item: Item) -> ProblemClaim:
         Unreadable, Broken: says what was expected where.
     """
     vehicle, method, inputs, path, sets, *law = item.record(
-        "vehicle", "method", "inputs", "path", "sets", *optional(item, "law")
+        "vehicle", "method", "inputs", "path", "sets", *item.optional("law")
     )
     inlet, goal, safe, obstacles, footprint = sets.record("inlet", "goal", "safe", "obstacles", "footprint")
     claim = read_vehicle(vehicle)
@@ -118,11 +118,6 @@ def problem_of(item: Item) -> ProblemClaim:
         surroundings=read_surroundings(obstacles, footprint),
         law=read_law(law[0], claim.states, len(box) - 1) if law else None,
     )
-
-
-def optional(item: Item, name: str) -> tuple[str, ...]:
-    """The name of a field that may be missing, where it is there."""
-    return (name,) if isinstance(item.value, dict) and name in item.value else ()
 
 
 def read_law(item: Item, states: tuple[str, ...], count: int) -> LawClaim:

@@ -225,19 +225,21 @@ def _prove_decrease(question: Question, hints: DecreaseHints, effort: Budget) ->
         question.dynamics, model.vehicle.states, model.inputs, funnel.shape, question.mirror
     ):
         raise Broken("condition (d): under the signs stated vehicle, funnel and inputs are not their own mirror images")
+    if (model.law is None) != (hints.law_degree is None):
+        raise Broken("condition (d): a law and the degree of the polynomials that stand for it go together")
     begin = fmpq(0)
     for stretch in hints.stretches:
         end = fmpq(0) if stretch.end is None else stretch.end
         if not (is_invariant or begin < end):
             raise Broken("condition (d): the stretches of the proof do not follow each other")
-        _prove_stretch(question, (begin, end), hints.degrees, stretch, effort)
+        _prove_stretch(question, (begin, end), hints, stretch, effort)
         begin = end
 
 
 def _prove_stretch(
     asked: Question,
     span: Range,
-    degrees: tuple[int, ...],
+    shared: DecreaseHints,
     hints: StretchHints,
     effort: Budget,
 ) -> None:
@@ -257,8 +259,9 @@ def _prove_stretch(
                 whitening=hints.whitening,
                 pieces=tuple(pieces),
                 enclosures=enclosures,
-                degrees=degrees,
+                degrees=shared.degrees,
                 law=model.law,
+                law_degree=shared.law_degree,
             )
             for extreme in extremes
         ]

@@ -193,6 +193,8 @@ SPOILED: dict[str, tuple[Change, Outcome, str]] = {
     "a law that reads u0": (reading("input:u0"), Outcome.UNREADABLE, "a law reads states and the reference"),
     "a law that reads a slope": (reading("reference:turn_rate_slope"), Outcome.UNREADABLE, "a law reads states"),
     "two outputs": (lambda d: law_of(d)["outputs"].append(0), Outcome.UNREADABLE, "outputs"),
+    "no degree": (lambda d: d["hints"]["decrease"][0].pop("law_degree"), Outcome.BROKEN, "go together"),
+    "a degree of none": (lambda d: d["hints"]["decrease"][0].update(law_degree=0), Outcome.UNREADABLE, "law_degree"),
     "a field more": (lambda d: law_of(d).update(limits=[]), Outcome.UNREADABLE, "limits"),
     "a model": (with_model, Outcome.UNREADABLE, "no model where a law is part of the problem"),
 }
