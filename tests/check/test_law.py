@@ -168,6 +168,10 @@ def cell_with(document: dict[str, Any], regime: int) -> dict[str, Any]:
     return next(cell for cell in cells_of(document) if cell["signs"][1] == regime)
 
 
+def without_law(document: dict[str, Any]) -> None:
+    del document["problem"]["law"], document["hints"]["decrease"][0]["law_degree"]
+
+
 def moved(document: dict[str, Any]) -> None:
     """What is proven at the upper limit, said of the lower one, and the other way round."""
     for cell in cells_of(document):
@@ -178,7 +182,7 @@ def moved(document: dict[str, Any]) -> None:
 SPOILED: dict[str, tuple[Change, Outcome, str]] = {
     "another gain": (another_gain("9/10"), Outcome.BROKEN, "condition (d)"),
     "the gain's sign": (another_gain("-1"), Outcome.BROKEN, "condition (d)"),
-    "no law": (lambda d: d["problem"].pop("law"), Outcome.BROKEN, "the proof has to cover 8 cells"),
+    "no law": (without_law, Outcome.BROKEN, "the proof has to cover 8 cells"),
     "no cell inside": (lambda d: cells_of(d).remove(cell_with(d, INSIDE)), Outcome.BROKEN, "is missing"),
     "no cell at the upper limit": (lambda d: cells_of(d).remove(cell_with(d, HIGH)), Outcome.BROKEN, "is missing"),
     "limits exchanged": (moved, Outcome.BROKEN, "condition (d)"),
