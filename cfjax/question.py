@@ -8,7 +8,7 @@ from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.learner import keys_of_others
 from cfjax.options import Options
-from cfjax.problem import Interval, KinematicBicycle, Method, Path, Problem
+from cfjax.problem import FeedbackLaw, Interval, KinematicBicycle, Method, Path, Problem
 from cfjax.problem.problem import TIMING
 
 
@@ -53,6 +53,8 @@ def check_question(problem: Problem, options: Options) -> None:
     if options.certificate == "tube" and options.template != "contracting":
         raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
     learner = options.chosen_learner
+    if problem.law is not None:
+        _require_provable_law(problem, problem.law, options)
     if options.certificate == "tube" and not learner.tubes:
         raise InputError(f"certificate: expected auto or segment with learner={learner.name}, got tube")
     if path.tube and not learner.tubes:
@@ -63,6 +65,22 @@ def check_question(problem: Problem, options: Options) -> None:
         raise InputError(
             f"learner={learner.name}: expected one distinct segment, got {len(path.distinct)}: it learns one funnel"
         )
+
+
+def _require_provable_law(problem: Problem, law: FeedbackLaw, options: Options) -> None:
+    """What a law is proven of, and who learns for one."""
+    path = problem.path
+    if path.tube or not all(segment.is_steady for segment in path.curve):
+        raise InputError(f"law: expected straight lines and circles at constant speed, got {path.name}")
+    if not law.keeps_time and problem.method is Method.TT:
+        raise InputError(f"method: expected pf with law={law.name}, which keeps no time, got tt")
+    if options.certificate == "tube":
+        raise InputError("certificate: expected auto or segment with a law, got tube: the library's tubes have none")
+    if not options.chosen_learner.tubes:
+        name = options.chosen_learner.name
+        raise InputError(f"law: expected none with learner={name}, which learns from the inputs of a controller")
+    if options.period is not None:
+        raise InputError("period: expected none with a law: it is proven of a law that looks one hold ahead")
 
 
 def _require_steady(path: Path, options: Options) -> None:

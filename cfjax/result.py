@@ -246,7 +246,8 @@ class Result:
     @property
     def title(self) -> str:
         """Verdict, path and method."""
-        return f"{self.verdict.value}: {self.problem.path.name}, {self.problem.method.words}"
+        law = f", law {self.problem.law.name}" if self.problem.law else ""
+        return f"{self.verdict.value}: {self.problem.path.name}, {self.problem.method.words}{law}"
 
     def facts(self, objective: Objective = Objective()) -> list[tuple[str, str]]:
         """What came out, in words and units, each under its label; figures are rounded so that they claim less."""

@@ -80,7 +80,7 @@ def search(problem: Problem, options: Options = Options(), progress: Progress | 
 
 def _searched(problem: Problem, options: Options, clock: Clock) -> Result:
     """By funnels of the path's own, or by tubes."""
-    if problem.path.tube or options.certificate == "segment" or not options.chosen_learner.tubes:
+    if problem.path.tube or problem.law or options.certificate == "segment" or not options.chosen_learner.tubes:
         return _by_segments(problem, options, clock)
     if options.certificate == "tube":
         _require_tubes(problem.vehicle)

@@ -186,7 +186,9 @@ def certify(
         [write_funnel(funnel.claim(margin, along)) for funnel, margin, along in claimed],
         {
             "decrease": [
-                write_decrease(proofs[0].degrees, prover.question.mirror, [proof.hints for proof in proofs])
+                write_decrease(
+                    proofs[0].degrees, prover.question.mirror, [proof.hints for proof in proofs], proofs[0].law_degree
+                )
                 for prover, proofs in zip(provers, found, strict=True)
             ],
             "clearance": clearance,

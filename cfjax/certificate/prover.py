@@ -82,6 +82,7 @@ class StretchProof:
     hints: dict[str, Any]
     counterexamples: tuple[Counterexample, ...]
     solvers: tuple[str, ...]  # whose hints they were
+    law_degree: int | None = None  # of the polynomials that stand for a law
 
 
 class _TooLittle(Exception):
@@ -245,6 +246,7 @@ class Prover:
             hints=write_stretch(stretch.end or None, stretch.bounds, questions[0], written),
             counterexamples=self._counterexamples(stretch, questions[0], used),
             solvers=tuple(sorted({solution.solver for solution in used})),
+            law_degree=questions[0].law_degree,
         )
 
     def _exactly(self, work: Callable[[], Any], place: str = "") -> Any:

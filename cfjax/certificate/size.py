@@ -59,19 +59,19 @@ class ProofSize:
 def size_of(questions: Sequence[Sequence[SteadyDecrease]], solver: str = DEFAULT) -> ProofSize:
     """Of what has to be shown, for each segment at each of its extreme references, by a solver of this name."""
     states, orders = len(questions[0][0].states), [each[0].degrees for each in questions]
-    cells = [sum(1 for question in each for _ in question.cells()) for each in questions]
-    costs = [cost_of(solver, states, degrees) for degrees in orders]
+    programs = [question.degrees_of(cell) for each in questions for question in each for cell in question.cells()]
+    costs = {degrees: cost_of(solver, states, degrees) for degrees in dict.fromkeys(programs)}
     order = max(degrees[0] for degrees in orders)
     return ProofSize(
         states=states,
         order=order,
         references=max(map(len, questions)),
-        cells=sum(cells),
+        cells=len(programs),
         rows=comb(states + 2 * order, states),
         monomials=comb(states + order, states),
-        memory=max(cost.memory for cost in costs),
-        seconds=sum(count * cost.seconds for count, cost in zip(cells, costs, strict=True)),
-        shapes=tuple(dict.fromkeys((states, degrees) for degrees in orders)),
+        memory=max(cost.memory for cost in costs.values()),
+        seconds=sum(costs[degrees].seconds for degrees in programs),
+        shapes=tuple((states, degrees) for degrees in costs),
     )
 
 

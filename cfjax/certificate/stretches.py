@@ -6,6 +6,7 @@ The question is put at the levels that the funnel has on the stretch. `cfjax.cer
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import comb
 
 import numpy as np
@@ -15,15 +16,17 @@ from cfjax.certificate.fit import DEGREES, SPARING, enclose
 from cfjax.certificate.mirror import mirrored
 from cfjax.certificate.rounding import GRAM_BITS, RoundedFunnel, round_whitening
 from cfjax.check.bounds import Bounds, Extreme, Range
-from cfjax.check.decrease import SteadyDecrease
+from cfjax.check.decrease import SteadyDecrease, by_boundary
 from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfjax.check.hints import MOST_MONOMIALS
+from cfjax.check.law import DEGREES as LAW_DEGREES
 from cfjax.check.piece import Piece, between
 from cfjax.check.problem import ProblemClaim
 from cfjax.check.proof import Question
 from cfjax.check.symbolic import symbolic
 
 
+MOST_ROWS = 70  # of the Gram matrices of a law that is no polynomial: four states with V' of degree eight
 SAMPLES = 256  # of a stretch, in which bounds are looked for
 BOUND_BITS = 20  # of these bounds
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider than the samples
@@ -121,18 +124,38 @@ def decreases_on(
         pieces=tuple(pieces),
         enclosures={},
         degrees=(),
+        law=question.model.law,
     )
-    standard = _posed(decrease, extremes, DEGREES)
-    # V' is multiplied by what it is divided by: cosines give that degree back
-    if "inv" in vehicle.graph.functions_of(vehicle.states).values():
-        sparing = _posed(decrease, extremes, SPARING)
-        standard = min(standard, sparing, key=lambda questions: questions[0].degrees[0])
+    standard = _least(decrease, extremes) if decrease.law is None else _of_law(decrease, extremes)
     needed = standard[0].degrees
     if degrees and needed[0] > degrees[0]:
         raise TooLarge(f"V' of degree {2 * needed[0]}, where the stretches before have one of {2 * degrees[0]}")
     degrees = degrees or needed
-    _require_readable(len(vehicle.states), degrees, sum(1 for _ in decrease.cells()))
-    return [replace(each, degrees=degrees) for each in standard]
+    posed = [replace(each, degrees=degrees) for each in standard]
+    _require_readable(posed[0])
+    return posed
+
+
+def _least(question: SteadyDecrease, extremes: Sequence[Extreme]) -> list[SteadyDecrease]:
+    """The question with Gram matrices as small as can be."""
+    standard = _posed(question, extremes, DEGREES)
+    # V' is multiplied by what it is divided by: cosines give that degree back
+    if "inv" in question.graph.functions_of(question.states).values():
+        sparing = _posed(question, extremes, SPARING)
+        standard = min(standard, sparing, key=lambda questions: questions[0].degrees[0])
+    return standard
+
+
+def _of_law(question: SteadyDecrease, extremes: Sequence[Extreme]) -> list[SteadyDecrease]:
+    """The question with the closest polynomials for which Gram matrices are not too large, if there are such.
+
+    Where a law saturates, what its polynomials leave over costs more than larger matrices do.
+    """
+    choices = product((DEGREES, SPARING), sorted(LAW_DEGREES, reverse=True))
+    posed = [_posed(replace(question, law_degree=most), extremes, functions) for functions, most in choices]
+    states = len(question.states)
+    fitting = [each for each in posed if comb(states + each[0].degrees[0], states) <= MOST_ROWS]
+    return fitting[0] if fitting else min(posed, key=lambda questions: questions[0].degrees[0])
 
 
 def _posed(question: SteadyDecrease, extremes: Sequence[Extreme], functions: Mapping[str, int]) -> list[SteadyDecrease]:
@@ -144,28 +167,32 @@ def _posed(question: SteadyDecrease, extremes: Sequence[Extreme], functions: Map
         return enclosures[node]
 
     # functions are of the state alone wherever there is more than one reference: one enclosure fits all
-    replace(question).rates({name: lower for name, (lower, _) in question.inputs.items()}, fit_here)
+    fitted = replace(question)
+    fitted.law_values(fit_here)
+    fitted.rates({name: fitted.number(lower) for name, (lower, _) in question.inputs.items()}, fit_here)
     questions = [replace(question, extreme=extreme, enclosures=enclosures) for extreme in extremes]
     degrees = max(_gram_degrees(each) for each in questions)
     return [replace(each, degrees=degrees) for each in questions]
 
 
-def _require_readable(states: int, degrees: tuple[int, ...], cells: int) -> None:
-    """That a checker takes Gram matrices so large, of so many cells of a reference: before a monomial is written down.
+def _require_readable(question: SteadyDecrease) -> None:
+    """That a checker takes Gram matrices so large, of all cells of a reference: before a monomial is written down.
 
     Raises:
         TooLarge: says what would be too large.
     """
+    states, degrees = len(question.states), question.degrees
     rows = [comb(states + degree, degree) for degree in degrees]
     size = f"V' of degree {2 * degrees[0]} in {states} states takes"
     if max(rows) > MOST_MONOMIALS:
         raise TooLarge(f"{size} Gram matrices of {max(rows)} rows, and a checker reads at most {MOST_MONOMIALS}")
     # of their definiteness alone (`proven_margin`)
-    effort = cells * sum(count**3 * (1 + count * GRAM_BITS // 2048) for count in rows)
+    cells = [by_boundary(rows, cell.signs) for cell in question.cells()]
+    effort = sum(count**3 * (1 + count * GRAM_BITS // 2048) for own in cells for count in own)
     if effort > LARGEST_EFFORT:
         raise TooLarge(
-            f"{size} {cells} times {len(rows)} Gram matrices of up to {max(rows)} rows: {effort / 1e6:.0f} million "
-            f"products at least, and a checker does at most {LARGEST_EFFORT / 1e6:.0f} million"
+            f"{size} {len(cells)} times {len(rows)} Gram matrices of up to {max(rows)} rows: {effort / 1e6:.0f} "
+            f"million products at least, and a checker does at most {LARGEST_EFFORT / 1e6:.0f} million"
         )
 
 
@@ -176,16 +203,21 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
     """
     sides = (side for cell in question.cells() for side in (question.target(cell), question.drop(cell)))
     order = -(-max(int(side.total_degree()) for side in sides) // 2)
-    slopes = [
-        max(int(question.authority(piece, name).total_degree()) for piece in question.pieces)
-        for name in question.free_inputs
-    ]
+    slopes = [_side_degree(question, name) for name in question.signed_inputs]
     least = min(1, order - 1)
     return (order, *(max(least, (2 * order - degree) // 2) for degree in slopes), order - 1, order - 1)
 
 
+def _side_degree(question: SteadyDecrease, name: str) -> int:
+    """Of the polynomials whose signs tell an input's cells apart, before they are cut."""
+    if name in question.limited:
+        own = question.limited[name]
+        return max(int(own.whole(end).total_degree()) for end in (own.lower, own.upper))
+    return max(int(question.authority(piece, name).total_degree()) for piece in question.pieces)
+
+
 def entries_of(questions: Sequence[SteadyDecrease]) -> int:
     """Entries of the Gram matrices that a stretch takes in a certificate."""
-    cells = sum(1 for question in questions for _ in question.cells())
     rows = [comb(len(questions[0].states) + degree, degree) for degree in questions[0].degrees]
-    return cells * sum(count * (count + 1) // 2 for count in rows)
+    cells = (by_boundary(rows, cell.signs) for question in questions for cell in question.cells())
+    return sum(count * (count + 1) // 2 for own in cells for count in own)

@@ -4,6 +4,7 @@ Only operations that the exact arithmetic knows are taken; anything else is refu
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import jax
@@ -15,7 +16,7 @@ from cfjax.check.graph import Graph, Node
 from cfjax.check.rational import rational
 from cfjax.check.symbolic import Symbolic, symbolic
 from cfjax.errors import InputError
-from cfjax.problem import ReferencePoint, Vehicle, deviation_rate
+from cfjax.problem import FeedbackLaw, ReferencePoint, Vehicle, deviation_rate
 
 
 PROFILE_INPUTS = ReferencePoint._fields
@@ -85,6 +86,35 @@ def trace_deviation(vehicle: Vehicle) -> Graph:
     inputs_read = [builder.add(Node("input", name=name)) for name in names]
     outputs = interpreted(rate, inputs_read, builder.constant, builder.equation)
     return Graph(tuple(builder.nodes), tuple(outputs))
+
+
+def trace_law(vehicle: Vehicle, law: FeedbackLaw) -> Graph:
+    """Graph of a law's inputs, before they are limited, over the deviation's states and the reference's profile.
+
+    Raises:
+        InputError: names the first operation of the law that has no exact arithmetic.
+    """
+    states = vehicle.state_names
+
+    def inputs(*scalars: Any) -> Sequence:
+        return law.inputs(vehicle, scalars[: len(states)], ReferencePoint(*scalars[len(states) :]))
+
+    builder = _Builder(f"{vehicle.name}, law {law.name}")
+    names = (*states, *(f"reference:{name}" for name in PROFILE_INPUTS))
+    read = [builder.add(Node("input", name=name)) for name in names]
+    outputs = interpreted(inputs, read, builder.constant, builder.equation)
+    return without_unread(Graph(tuple(builder.nodes), tuple(outputs)))
+
+
+def without_unread(graph: Graph) -> Graph:
+    """The same outputs from those nodes alone that they depend on."""
+    needed = set(graph.outputs)
+    for index in reversed(range(len(graph.nodes))):
+        if index in needed:
+            needed.update(graph.nodes[index].args)
+    place = {index: k for k, index in enumerate(sorted(needed))}
+    nodes = (replace(graph.nodes[index], args=tuple(place[arg] for arg in graph.nodes[index].args)) for index in place)
+    return Graph(tuple(nodes), tuple(place[output] for output in graph.outputs))
 
 
 def dynamics_of(vehicle: Vehicle) -> Symbolic:

@@ -6,6 +6,7 @@ from typing import Any
 
 from flint import fmpq
 
+from cfjax.certificate.trace import trace_law
 from cfjax.check.bounds import Bounds, Range
 from cfjax.check.decrease import SteadyDecrease
 from cfjax.check.document import CLAIMS, FORMAT, HINTS, VERSION, WITNESS, LegClaim, document_hash
@@ -21,7 +22,7 @@ from cfjax.check.symbolic import symbolic
 from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
 from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_path, write_surroundings
-from cfjax.problem import Problem, Vehicle
+from cfjax.problem import FeedbackLaw, Problem, Vehicle
 from cfjax.problem.vehicle import numbers_of
 
 
@@ -33,7 +34,13 @@ def write_problem(problem: Problem, graph: Graph) -> dict[str, Any]:
         "inputs": write_inputs(exact_inputs(problem)),
         "path": _path(problem, graph),
         "sets": write_sets(problem),
+        **({} if problem.law is None else {"law": write_law(problem.law, trace_law(problem.vehicle, problem.law))}),
     }
+
+
+def write_law(law: FeedbackLaw, graph: Graph) -> dict[str, Any]:
+    """The inputs that a law gives, before they are limited, as a graph."""
+    return {"name": law.name, "nodes": [_node(node) for node in graph.nodes], "outputs": list(graph.outputs)}
 
 
 def exact_inputs(problem: Problem) -> dict[str, Range]:
@@ -95,9 +102,13 @@ def write_joints(ratios: Sequence[fmpq]) -> list[dict[str, str]]:
     return [{"ratio": str(ratio)} for ratio in ratios]
 
 
-def write_decrease(degrees: Sequence[int], mirror: Sequence[int] | None, stretches: list[dict]) -> dict[str, Any]:
+def write_decrease(
+    degrees: Sequence[int], mirror: Sequence[int] | None, stretches: list[dict], law_degree: int | None = None
+) -> dict[str, Any]:
     """The hints for condition (d) of one funnel."""
-    return {"degrees": list(degrees), "mirror": None if mirror is None else list(mirror), "stretches": stretches}
+    of_law = {} if law_degree is None else {"law_degree": law_degree}
+    signs = None if mirror is None else list(mirror)
+    return {"degrees": list(degrees), "mirror": signs, "stretches": stretches, **of_law}
 
 
 def write_stretch(

@@ -223,6 +223,8 @@ def _funnel(item: Item, problem: ProblemClaim) -> tuple[FunnelClaim, Model]:
     )
     if model.value is not None and claim.margin_per_metre is None:
         model.refuse("no model for a funnel that changes with theta")
+    if model.value is not None and problem.law is not None:
+        model.refuse("no model where a law is part of the problem")
     return claim, problem.car if model.value is None else _model(model, problem)
 
 

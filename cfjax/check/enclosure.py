@@ -272,6 +272,15 @@ class Enclosure:
                 remainder = _sum(remainder, self.domain.remainder_product(one.sizes, two.remainder))
         return Enclosure(self.domain, self.domain.product(self.polynomial, other.polynomial), remainder)
 
+    def cut(self, degree: int) -> "Enclosure":
+        """The same with a polynomial of at most this degree: what is cut off is a remainder."""
+        kept = cut(self.polynomial, degree)
+        if kept == self.polynomial:
+            return self
+        left_out = self.domain.sizes(self.domain.sum(self.polynomial, self.domain.negative(kept)))
+        beside = self.domain.remainder_product(left_out, (fmpq(1),))
+        return Enclosure(self.domain, kept, _sum(self.remainder, beside))
+
     @cached_property
     def sizes(self) -> list[fmpq]:
         """`Domain.sizes` of the polynomial."""
@@ -338,3 +347,11 @@ class Enclosure:
 
 def _sum(first: Remainder, second: Remainder) -> Remainder:
     return first[0] + second[0], first[1] + second[1], first[2] + second[2]
+
+
+def cut(polynomial: fmpq_mpoly, degree: int) -> fmpq_mpoly:
+    """The terms up to the degree."""
+    if polynomial.total_degree() <= degree:
+        return polynomial
+    terms = polynomial.to_dict().items()
+    return polynomial.context().from_dict({e: c for e, c in terms if sum(map(int, e)) <= degree})

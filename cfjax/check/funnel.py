@@ -17,6 +17,7 @@ from functools import cached_property
 from flint import arb, fmpq, fmpq_mat
 
 from cfjax.check.bounds import Bounds, Range
+from cfjax.check.law import LawClaim
 from cfjax.check.level import Level
 from cfjax.check.program import Matrix
 from cfjax.check.rational import exp_bounds, upper_bound
@@ -79,13 +80,21 @@ def fallen_level(fallen: fmpq, beta_lower: fmpq, beta_inner: fmpq) -> fmpq:
 class Model:
     """The car that a funnel is proven for, and by what its lengths and speeds are multiplied to be the one that drives.
 
-    `inputs` is the box with which condition (d) is proven, in the units of this car.
+    `inputs` is the box with which condition (d) is proven, in the units of this car; a `law`, where there is one, gives
+    them.
     """
 
     vehicle: VehicleClaim
     inputs: Inputs
     length: fmpq = fmpq(1)
     speed: fmpq = fmpq(1)
+    law: LawClaim | None = None
+
+    @property
+    def functions(self) -> dict[int, str]:
+        """Functions that nodes apply, by node; those of the law are counted on after the vehicle's."""
+        since, own = len(self.vehicle.graph.nodes), self.vehicle.graph.functions()
+        return own | ({since + node: name for node, name in self.law.graph.functions().items()} if self.law else {})
 
     @property
     def faster(self) -> fmpq:

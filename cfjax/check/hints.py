@@ -8,6 +8,7 @@ from typing import NamedTuple
 from flint import fmpq
 
 from cfjax.check.bounds import MOST_EXTREMES, Bounds, read_stretch_bounds
+from cfjax.check.decrease import by_boundary
 from cfjax.check.graph import MOST_FUNCTIONS, MOST_INPUTS, MOST_NODES
 from cfjax.check.program import Gram, Matrix
 from cfjax.check.reader import Item
@@ -53,11 +54,13 @@ class DecreaseHints:
     """What the prover found for condition (d) of one funnel; `degrees` are those of the Gram matrices.
 
     `mirror` are signs of states and inputs under which everything is its own mirror image; None: no use is made of any.
+    `law_degree` is that of the polynomials that stand for a law, where there is one.
     """
 
     degrees: tuple[int, ...]
     mirror: tuple[int, ...] | None
     stretches: tuple[StretchHints, ...]
+    law_degree: int | None = None
 
     @property
     def duration(self) -> fmpq | None:
@@ -83,7 +86,7 @@ def read_decrease(item: Item, states: int, inputs: int, room: Room) -> DecreaseH
     Raises:
         Unreadable: says what was expected where.
     """
-    degrees, mirror, stretches = item.record("degrees", "mirror", "stretches")
+    degrees, mirror, stretches, *law = item.record("degrees", "mirror", "stretches", *item.optional("law_degree"))
     orders = tuple(degree.integer(0, 8) for degree in degrees.items(MOST_INPUTS + 3, 3))
     sizes = [comb(states + degree, degree) for degree in orders]
     if max(sizes) > MOST_MONOMIALS:
@@ -92,15 +95,13 @@ def read_decrease(item: Item, states: int, inputs: int, room: Room) -> DecreaseH
     if len(found) > 1 and any(stretch.end is None for stretch in found):
         stretches.refuse("an end of every stretch, or a single one without")
     signs = None if mirror.value is None else mirror.integers(states + inputs, -1, 1)
-    return DecreaseHints(orders, signs, found)
+    return DecreaseHints(orders, signs, found, law[0].integer(1, 8) if law else None)
 
 
 def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> StretchHints:
     end, bounds, whitening, enclosures, cells = item.record("end", "bounds", "whitening", "enclosures", "cells")
     by_node, by_cell = read_enclosures(enclosures), {}
-    entries = cells.items(MOST_CELLS)
-    room.take(len(entries) * sum(rows * (rows + 1) // 2 for rows in sizes), cells)
-    for entry in entries:
+    for entry in cells.items(MOST_CELLS):
         reference, piece, signs, margin, remainder, grams = entry.record(
             "reference", "piece", "signs", "margin", "remainder", "grams"
         )
@@ -111,11 +112,13 @@ def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> Str
         )
         if key in by_cell:
             entry.refuse("each cell once")
-        tables, (constant, square) = grams.items(len(sizes), len(sizes)), remainder.items(2, 2)
+        own = by_boundary(sizes, key[2])
+        room.take(sum(rows * (rows + 1) // 2 for rows in own), entry)
+        tables, (constant, square) = grams.items(len(own), len(own)), remainder.items(2, 2)
         by_cell[key] = CellHints(
             margin.rational(),
             (constant.rational(), square.rational()),
-            tuple(read_gram(table, rows) for table, rows in zip(tables, sizes, strict=True)),
+            tuple(read_gram(table, rows) for table, rows in zip(tables, own, strict=True)),
         )
     rows = read_matrix(whitening, states)
     until = None if end.value is None else end.positive()
@@ -140,7 +143,7 @@ def _unary(item: Item) -> tuple[int, UnaryHint]:
     )
     powers = tuple(value.rational() for value in coefficients.items(MOST_COEFFICIENTS))
     hint = function.text(), powers, lower.rational(), upper.rational(), bound.rational()
-    return node.integer(0, MOST_NODES), hint
+    return node.integer(0, 2 * MOST_NODES), hint  # of vehicle and law
 
 
 def read_matrix(item: Item, size: int) -> Matrix:

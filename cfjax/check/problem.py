@@ -13,6 +13,7 @@ from flint import acb, arb, fmpq
 from cfjax.check.bounds import Bounds, read_bounds
 from cfjax.check.funnel import Inputs, Model
 from cfjax.check.graph import ARITY, MOST_INPUTS, MOST_NODES, MOST_STATES, Graph, Node
+from cfjax.check.law import READABLE, LawClaim
 from cfjax.check.piece import Piece, are_steady
 from cfjax.check.polynomial import Coefficients
 from cfjax.check.rational import bits
@@ -52,6 +53,7 @@ class ProblemClaim:
     goal: tuple[fmpq, ...] | None  # half-axes of G
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
     surroundings: Surroundings
+    law: LawClaim | None = None  # without one some input of the box has to do
 
     @property
     def is_steady(self) -> bool:
@@ -72,7 +74,7 @@ class ProblemClaim:
     @cached_property
     def car(self) -> Model:
         """The vehicle as a car that funnels are proven for."""
-        return Model(self.vehicle, self.inputs)
+        return Model(self.vehicle, self.inputs, law=self.law)
 
 
 def read_problem(question: Mapping[str, object]) -> ProblemClaim:
@@ -90,10 +92,13 @@ def problem_of(item: Item) -> ProblemClaim:
     Raises:
         Unreadable, Broken: says what was expected where.
     """
-    vehicle, method, inputs, path, sets = item.record("vehicle", "method", "inputs", "path", "sets")
+    vehicle, method, inputs, path, sets, *law = item.record(
+        "vehicle", "method", "inputs", "path", "sets", *item.optional("law")
+    )
     inlet, goal, safe, obstacles, footprint = sets.record("inlet", "goal", "safe", "obstacles", "footprint")
     claim = read_vehicle(vehicle)
     label, course = _path(path)
+    box = read_inputs(inputs, claim.states)
 
     def by_state(entry: Item, field: str) -> tuple[fmpq, ...] | None:
         if entry.value is None:
@@ -104,14 +109,29 @@ def problem_of(item: Item) -> ProblemClaim:
     return ProblemClaim(
         vehicle=claim,
         method=method.choice("pf", "tt"),
-        inputs=read_inputs(inputs, claim.states),
+        inputs=box,
         path=label,
         course=course,
         inlet=by_state(inlet, "half_axes"),
         goal=by_state(goal, "half_axes"),
         safe=by_state(safe, "half_widths"),
         surroundings=read_surroundings(obstacles, footprint),
+        law=read_law(law[0], claim.states, len(box) - 1) if law else None,
     )
+
+
+def read_law(item: Item, states: tuple[str, ...], count: int) -> LawClaim:
+    """A law of so many inputs; it reads states and reference alone.
+
+    Raises:
+        Unreadable: says what was expected where.
+    """
+    name, nodes, outputs = item.record("name", "nodes", "outputs")
+    graph = _graph(item, nodes, outputs, count)
+    known = {*states, *(f"reference:{label}" for label in READABLE)}
+    if unknown := [label for label in graph.inputs() if label not in known]:
+        raise Unreadable(f"{item.where}: a law reads states and the reference, not {unknown[0]!a}")
+    return LawClaim(name.text(), graph)
 
 
 def read_vehicle(item: Item) -> VehicleClaim:
@@ -125,19 +145,24 @@ def read_vehicle(item: Item) -> VehicleClaim:
     labels = tuple(state.label() for state in states.items(MOST_STATES))
     if len(set(labels)) != len(labels):
         states.refuse("distinct plain names")
+    graph = _graph(dynamics, nodes, outputs, len(labels))
+    return VehicleClaim(
+        name.text(), {k: value.rational() for k, value in parameters.entries(MOST_PARAMETERS, least=0)}, labels, graph
+    )
+
+
+def _graph(item: Item, nodes: Item, outputs: Item, count: int) -> Graph:
+    """With so many outputs."""
     operations = nodes.items(MOST_NODES)
     try:
-        graph = Graph(
+        return Graph(
             tuple(_node(node) for node in operations),
-            tuple(output.integer(0, len(operations) - 1) for output in outputs.items(len(labels), len(labels))),
+            tuple(output.integer(0, len(operations) - 1) for output in outputs.items(count, count)),
         )
     except (Unreadable, Broken):
         raise
     except ValueError as error:
-        raise Unreadable(f"{dynamics.where}: {error}") from None
-    return VehicleClaim(
-        name.text(), {k: value.rational() for k, value in parameters.entries(MOST_PARAMETERS, least=0)}, labels, graph
-    )
+        raise Unreadable(f"{item.where}: {error}") from None
 
 
 def _node(item: Item) -> Node:

@@ -59,6 +59,8 @@ class Question:
         """
         if bounds.is_single:
             return bounds.extremes()
+        if self.model.law is not None:
+            raise Broken("law: it is proven where curvature and speed do not change; on this path they do")
         if bounds.curvature_rate is not None:
             self.require_affine()
             return bounds.extremes()
@@ -223,19 +225,21 @@ def _prove_decrease(question: Question, hints: DecreaseHints, effort: Budget) ->
         question.dynamics, model.vehicle.states, model.inputs, funnel.shape, question.mirror
     ):
         raise Broken("condition (d): under the signs stated vehicle, funnel and inputs are not their own mirror images")
+    if (model.law is None) != (hints.law_degree is None):
+        raise Broken("condition (d): a law and the degree of the polynomials that stand for it go together")
     begin = fmpq(0)
     for stretch in hints.stretches:
         end = fmpq(0) if stretch.end is None else stretch.end
         if not (is_invariant or begin < end):
             raise Broken("condition (d): the stretches of the proof do not follow each other")
-        _prove_stretch(question, (begin, end), hints.degrees, stretch, effort)
+        _prove_stretch(question, (begin, end), hints, stretch, effort)
         begin = end
 
 
 def _prove_stretch(
     asked: Question,
     span: Range,
-    degrees: tuple[int, ...],
+    shared: DecreaseHints,
     hints: StretchHints,
     effort: Budget,
 ) -> None:
@@ -244,7 +248,7 @@ def _prove_stretch(
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)
-        enclosures = prove_enclosures(hints.enclosures, model.vehicle.graph.functions(), effort)
+        enclosures = prove_enclosures(hints.enclosures, model.functions, effort)
         questions = [
             SteadyDecrease(
                 graph=model.vehicle.graph,
@@ -255,7 +259,9 @@ def _prove_stretch(
                 whitening=hints.whitening,
                 pieces=tuple(pieces),
                 enclosures=enclosures,
-                degrees=degrees,
+                degrees=shared.degrees,
+                law=model.law,
+                law_degree=shared.law_degree,
             )
             for extreme in extremes
         ]
@@ -312,4 +318,4 @@ def _named(key: CellKey, extremes: list[Extreme]) -> str:
 
 
 def signs_text(signs: tuple[int, ...]) -> str:
-    return "(" + "".join("+" if sign > 0 else "-" for sign in signs) + ")"
+    return "(" + "".join("-0+"[1 + sign] for sign in signs) + ")"

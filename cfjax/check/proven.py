@@ -69,6 +69,7 @@ class Violation(enum.Enum):
     SAFE = enum.auto()  # (c)
     HEADING = enum.auto()  # (c), where the heading wraps
     DECREASE = enum.auto()  # (d)
+    LAW = enum.auto()  # (d) under the law that is part of the question
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,10 @@ class Item:
             raise Unreadable(f"{place}field {odd[:LONGEST_TEXT]!a} is {what}")
         return [Item(self.value[name], f"{self.where}.{name}" if self.where else name) for name in names]
 
+    def optional(self, name: str) -> tuple[str, ...]:
+        """The name of a field that may be missing, where it is there."""
+        return (name,) if isinstance(self.value, dict) and name in self.value else ()
+
     def entries(self, most: int, least: int = 1) -> list[tuple[str, "Item"]]:
         """Names and values of an object with names of its own."""
         if not isinstance(self.value, dict) or not least <= len(self.value) <= most:

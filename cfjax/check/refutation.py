@@ -5,7 +5,8 @@ The deviation x at θ violates, for the candidate's V and claimed margin λ,
     (a)  x ∈ I and V(0, x) ≥ 1
     (b)  x outside G = {xᵀ P_G x < 1} and V(T, x) ≤ 1
     (c)  x outside S, or its heading at π or beyond, and V(θ, x) ≤ 1
-    (d)  β̲ ≤ V(θ, x) ≤ 1, and V̇ > −λ at every vertex of the input box: V̇ is affine in the inputs, so at every input
+    (d)  β̲ ≤ V(θ, x) ≤ 1, and V̇ > −λ at every vertex of the input box: V̇ is affine in the inputs, so at every input;
+         where a law is part of the question, at both ends of u0 with the law's inputs
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,7 @@ from cfjax.check.containment import Sets, confirm_violation, heading_of
 from cfjax.check.document import Claims, Witness
 from cfjax.check.funnel import FunnelClaim
 from cfjax.check.graph import Graph
+from cfjax.check.law import LawClaim
 from cfjax.check.problem import ProblemClaim
 from cfjax.check.proven import Violation
 from cfjax.check.rational import pi_lower
@@ -68,11 +70,27 @@ def confirm_witness(claims: Claims, witness: Witness) -> Violation:
         raise Broken("witness: not a deviation in the shell beta_lower <= V <= 1")
     require_affine(problem.vehicle.graph, tuple(problem.inputs))
     profile = extremes[witness.reference].profile  # one of the paths that the funnel is for
-    for vertex in product(*(sorted(set(ends)) for ends in problem.inputs.values())):
-        rate = _value_rate(problem, profile, funnel, witness, dict(zip(problem.inputs, vertex, strict=True)), form)
+    ends = {name: [arb(end) for end in sorted(set(limits))] for name, limits in problem.inputs.items()}
+    if problem.law is not None:
+        ends |= _law_inputs(problem.law, problem, profile, x)
+    for vertex in product(*ends.values()):
+        rate = _value_rate(problem, profile, funnel, witness, dict(zip(ends, vertex, strict=True)), form)
         if not rate > -arb(funnel.margin):
             raise Broken("witness: some vertex of the input box may decrease V fast enough")
-    return Violation.DECREASE
+    return Violation.DECREASE if problem.law is None else Violation.LAW
+
+
+def _law_inputs(
+    law: LawClaim, problem: ProblemClaim, profile: Mapping[str, fmpq], x: Sequence[fmpq]
+) -> dict[str, list[arb]]:
+    """The one value of each input that a law gives at a deviation, as a ball."""
+    values = dict(zip(problem.vehicle.states, map(arb, x), strict=True))
+    values |= {f"reference:{name}": arb(value) for name, value in profile.items()}
+    names, outputs = list(problem.inputs)[1:], law.graph.evaluate(values, arb, _applied)
+    return {
+        name: [output.max(arb(problem.inputs[name][0])).min(arb(problem.inputs[name][1]))]
+        for name, output in zip(names, outputs, strict=True)
+    }
 
 
 def require_affine(graph: Graph, inputs: Sequence[str]) -> None:
@@ -107,22 +125,23 @@ def _value_rate(
     profile: Mapping[str, fmpq],
     funnel: FunnelClaim,
     witness: Witness,
-    inputs: dict[str, fmpq],
+    inputs: dict[str, arb],
     form: fmpq,
 ) -> arb:
     """V̇ at the witness as a ball."""
     values = dict(zip(problem.vehicle.states, map(arb, witness.x), strict=True))
-    values |= {f"input:{name}": arb(value) for name, value in inputs.items()}
+    values |= {f"input:{name}": value for name, value in inputs.items()}
     values |= {f"reference:{name}": arb(value) for name, value in profile.items()}
 
-    def apply(_: int, function: str, argument: arb) -> arb:
-        named = {"sin": arb.sin, "cos": arb.cos, "tan": arb.tan, "sqrt": arb.sqrt, "inv": lambda t: 1 / t}
-        return named[function](argument)
-
-    rates = problem.vehicle.graph.evaluate(values, arb, apply)
+    rates = problem.vehicle.graph.evaluate(values, arb, _applied)
     gradient = [2 * sum((c * xj for c, xj in zip(row, witness.x, strict=True)), fmpq(0)) for row in funnel.shape]
     rate = sum((arb(g) * r for g, r in zip(gradient, rates, strict=True)), arb(0))
     return funnel.level.value_rate(witness.theta, form, rate, inputs["u0"])
+
+
+def _applied(_: int, function: str, argument: arb) -> arb:
+    named = {"sin": arb.sin, "cos": arb.cos, "tan": arb.tan, "sqrt": arb.sqrt, "inv": lambda t: 1 / t}
+    return named[function](argument)
 
 
 def _form(shape: Sequence[Sequence[fmpq]], x: Sequence[fmpq]) -> fmpq:

@@ -48,6 +48,9 @@ VIOLATED = {
     Violation.DECREASE: (
         "condition (d) fails: no input in the box decreases V as fast as claimed at a deviation of the shell"
     ),
+    Violation.LAW: (
+        "condition (d) fails: under the law no u0 decreases V as fast as claimed at a deviation of the shell"
+    ),
 }
 
 
@@ -152,7 +155,8 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
     else:
         along = f" along leg {witness.leg}" if len(claims.parts) > 1 else ""
         candidate, path = f"{_templates((funnel,))}, {shell}{along}", _path(problem.path, course)
-    place = place_of(refuted.extremes, witness.reference) if refuted.violation is Violation.DECREASE else ""
+    of_decrease = refuted.violation in (Violation.DECREASE, Violation.LAW)
+    place = place_of(refuted.extremes, witness.reference) if of_decrease else ""
     at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     return (
         Section("REFUTED", (f"{candidate} with margin lambda = {margin} 1/s is no control funnel function",)),
@@ -385,7 +389,10 @@ def _kept(problem: ProblemClaim) -> str:
 
 
 def _inputs(problem: ProblemClaim, rounding: tuple[str, str]) -> str:
-    return ", ".join(f"{name} in {_interval(ends, rounding)}" for name, ends in problem.inputs.items())
+    box = ", ".join(f"{name} in {_interval(ends, rounding)}" for name, ends in problem.inputs.items())
+    if problem.law is None:
+        return box
+    return f'{box}, all but u0 as the law "{problem.law.name}", a graph in the file, has them, or the nearer limit,'
 
 
 def _templates(funnels: Sequence[FunnelClaim]) -> str:

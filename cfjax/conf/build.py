@@ -163,6 +163,7 @@ def problem_of(config: Config, vehicle: "cfjax.Vehicle | None" = None) -> "cfjax
             method=config.method,
             timing=config.timing,
             authority=config.authority,
+            law=config.law.build(),
         )
         return config.path.posed(problem)
 

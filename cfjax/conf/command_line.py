@@ -16,7 +16,7 @@ from cfjax.errors import InputError
 
 DEFAULT_PATH = "oval"
 VERBOSE = "hydra.verbose"  # true, or the loggers that are to say more: Hydra takes any word for a logger
-GROUPS = ("path", "vehicle", "objective", "experiment")
+GROUPS = ("path", "vehicle", "objective", "law", "experiment")
 KEY = re.compile(r"(\+{0,2})([^\W\d][\w-]*(?:\.[\w-]+)*)")
 
 

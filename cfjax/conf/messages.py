@@ -18,7 +18,8 @@ GROUPS: dict[str, Mapping[str, type]] = {"path": PATH_KINDS, "vehicle": VEHICLE_
 PLACES = ("path.file", "hydra.run.dir", "hydra.sweep.dir")
 TEXTS = ("hydra.run.dir", "hydra.sweep.dir", "hydra.sweep.subdir", "hydra.job.name")  # of Hydra's own keys
 CHOICES = (  # texts that are one of a few names: commas part them
-    *("method", "template", "certificate", "learner", "solver", "logger", "frame", "objective.kind", "wandb.mode"),
+    *("method", "template", "certificate", "learner", "solver", "logger", "frame", "objective.kind"),
+    *("law.kind", "wandb.mode"),
     *("polytope.centre", "polytope.demonstrations"),
 )
 WORDS: dict[Any, str] = {

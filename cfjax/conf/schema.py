@@ -28,6 +28,7 @@ from cfjax.options import Options, ProofLimits
 
 
 INTERVAL = "a number or an interval [lower, upper]"
+GAIN = "a list of rows of numbers, a number, or null"
 BY_STATE = "a number or a list of numbers, one a state"
 DISCS = "a list of discs [radius, offset]"
 CORRIDOR = 'a half-width, {left: …, right: …}, "file" or null'
@@ -303,6 +304,28 @@ class ObjectiveConfig:
 
 
 @dataclass
+class LawConfig:
+    """The feedback law that gives the vehicle's inputs; with none, V is to fall under the best ones."""
+
+    kind: str = "none"  # "none"; or "linear", u = u_r + K x, "stanley", "pure_pursuit"
+    gain: Any = _any_of(GAIN, None)  # K of "linear", a row an input; of "stanley" k in 1/s; null: LQR, or 2 1/s
+    speed_gain: float = 2.0  # 1/s, thrust for each m/s too fast, of "stanley" and "pure_pursuit"
+    softening: float = 0.3  # m/s, added to the speed in "stanley"
+    look_ahead: float = 0.45  # s, of the car's speed, in "pure_pursuit"
+
+    def build(self) -> "cfjax.problem.FeedbackLaw | None":
+        """The law."""
+        laws, gain = cfjax.problem, 2.0 if self.gain is None else self.gain
+        kinds = {
+            "none": lambda: None,
+            "linear": lambda: laws.LinearLaw(self.gain),
+            "stanley": lambda: laws.StanleyLaw(self.speed_gain, gain=gain, softening=self.softening),
+            "pure_pursuit": lambda: laws.PurePursuitLaw(self.speed_gain, look_ahead=self.look_ahead),
+        }
+        return kinds[one_of("law.kind", self.kind, kinds)]()
+
+
+@dataclass
 class PolytopeConfig:
     """Read only with learner=polytope."""
 
@@ -347,6 +370,7 @@ class Config:
     method: str = "pf"  # "pf", path following, with the timing u0 free; "tt", trajectory tracking, with u0 = 1
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # interval of u0 around 1; with pf only
     authority: float = 1.0  # how far a law may go from what the reference needs to the inputs' limits; 1: all the way
+    law: LawConfig = field(default_factory=LawConfig)
     template: str = Options.template
     certificate: str = Options.certificate
     learner: str = DEFAULT  # "gradient"; or "polytope", the paper's own, by elimination from demonstrations

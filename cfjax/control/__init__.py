@@ -1,6 +1,7 @@
 """From a funnel to inputs: the laws that a car runs."""
 
 from cfjax.coerce import one_of
+from cfjax.control.given import Given
 from cfjax.control.law import (
     Descent,
     Law,
@@ -28,6 +29,7 @@ def law_named(name: str) -> Law:
 __all__ = [
     "LAWS",
     "Descent",
+    "Given",
     "Law",
     "LawNumbers",
     "LinSontag",

@@ -154,9 +154,9 @@ def falsify(
     factor = np.repeat(np.linalg.cholesky(np.linalg.inv(funnel.shape))[None, None], GROUPS, axis=0)
     change = np.full((GROUPS, 1), funnel.rate * float(here.duration))
     rng = np.random.default_rng(seed)
-    search = partial(_searched, problem.vehicle, funnel.template, chain, factor, change, SEARCH)
+    search = partial(_searched, problem.driven, funnel.template, chain, factor, change, SEARCH)
     with ThreadPoolExecutor(rounds) as pool:  # XLA runs a search on one core
-        found = list(pool.map(search, [_fresh(problem.vehicle, chain, change, rng) for _ in range(rounds)]))
+        found = list(pool.map(search, [_fresh(problem.driven, chain, change, rng) for _ in range(rounds)]))
     margins = np.concatenate([hunted.margins.ravel() for hunted in found])
     rows = np.concatenate([hunted.particles.points.reshape(-1, problem.dimension + 1) for hunted in found])
     stations = np.concatenate([hunted.particles.station.ravel() for hunted in found])
@@ -186,10 +186,10 @@ def stretch_margins(
     change = np.full((1, 1), funnel.rate * segment.duration)
     rng = np.random.default_rng(seed)
     particles = spawn(
-        rng, (1, 1, PER_STRETCH * len(stretches)), ridge_coordinates(problem.vehicle, chain), len(stretches)
+        rng, (1, 1, PER_STRETCH * len(stretches)), ridge_coordinates(problem.driven, chain), len(stretches)
     )
-    scale = margin_scale(problem.vehicle, funnel.template, chain, factor, change, particles)
-    found = minimax(problem.vehicle, funnel.template, chain, SEARCH, scale, factor, change, particles)
+    scale = margin_scale(problem.driven, funnel.template, chain, factor, change, particles)
+    found = minimax(problem.driven, funnel.template, chain, SEARCH, scale, factor, change, particles)
     of_stretch = found.particles.station[0, 0][None] == np.arange(len(stretches))[:, None]
     margins = [_without_nan(found.margins[:, :, own]).min() for own in of_stretch]
     return np.array(margins)

@@ -28,6 +28,7 @@ from cfjax.funnel import Template
 from cfjax.funnel.conditions import chain_excess, decrease_margins
 from cfjax.funnel.instance import Chain, Instance
 from cfjax.problem import ReferencePoint, Vehicle, affine_deviation
+from cfjax.problem.feedback import Steered
 from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.problem.vehicle import Scalar
 from cfjax.traced import traced
@@ -206,6 +207,7 @@ def ridge_coordinates(vehicle: Vehicle, chain: Chain) -> Float[np.ndarray, " n"]
     """Which coordinates of the covector decide alone about an input's authority: 1 for each, else 0.
 
     An input attacks one state alone if its column of the dynamics has one entry that is not zero, wherever one looks.
+    Inputs that a law gives are no choice, so that nothing is decided there.
     """
     unit = np.asarray(chain.funnels.inlet)[0]
     probes = np.random.default_rng(0).normal(size=(8, len(unit))) * unit[None, :]
@@ -213,6 +215,8 @@ def ridge_coordinates(vehicle: Vehicle, chain: Chain) -> Float[np.ndarray, " n"]
         probes, jax.tree.map(lambda values: values.flat[0], chain.funnels.nominal)
     )
     ridges = np.zeros(len(unit))
+    if isinstance(vehicle, Steered):
+        return ridges
     for column in np.abs(np.asarray(columns)).max(axis=0).T[1:]:  # the timing input attacks every state
         if np.count_nonzero(column > 1e-12) == 1:
             ridges[int(np.argmax(column))] = 1.0

@@ -71,6 +71,8 @@ def decrease_margins(
 ) -> Float[Array, " k"]:
     """Condition (d): the λ (1/s, over the instance's unit) that the best input in the box reaches at each point.
 
+    Of a vehicle with a law: that its inputs reach with the best u0.
+
     min over the box of q̇ + timing u0 = a + Σ (b_i middle_i − |b_i| half_i); a `smoothing` > 0 (same unit) rounds |b_i|
     off from above and so makes the margin look a little better than it is, never worse. Of several extreme references
     the worst counts; those of one group have to do with the one vertex that is best for their nominal reference.
@@ -89,6 +91,12 @@ def decrease_margins(
         drift = form_rate((0.0,) * count)
         columns = [form_rate(tuple(float(i == j) for j in range(count))) - drift for i in range(count)]
         columns[0] = columns[0] + template.timing(rate, q)
+        own = vehicle.feedback(states, reference)
+        if own is not None:  # what is left to choose is u0
+            box = zip(own, instance.inputs.lower[1:], instance.inputs.upper[1:], strict=True)
+            given = [jnp.clip(k, lower, upper) for k, lower, upper in box]
+            drift = drift + sum((u * b for u, b in zip(given, columns[1:], strict=True)), jnp.zeros_like(q))
+            columns = [columns[0], *(jnp.zeros_like(q) for _ in given)]
         return drift, jnp.stack(columns)
 
     half, middle = jnp.asarray(instance.inputs.half)[:, None], jnp.asarray(instance.inputs.middle)[:, None]

@@ -80,7 +80,7 @@ def learn(
     beta_inner = inner_level(beta_inner, beta_lower)
     candidates, seed = whole("candidates", candidates, 1), whole("seed", seed, 0)
     report = progress or (lambda done, of: None)
-    tracking = tracking and problem.method is Method.PF
+    tracking = tracking and problem.method is Method.PF and (problem.law is None or problem.law.keeps_time)
     passes = ROUNDS * (2 if tracking else 1)
     report(0, passes)
     anneal = _Annealing(template, beta_lower, beta_inner, candidates, seed)
@@ -132,19 +132,19 @@ class _Annealing:
         for k, funnels in enumerate(first[:candidates]):
             factor[k], rates = _unknowns(funnels)
             change[k] = rates * np.asarray(chain.funnels.duration)
-        ridges = ridge_coordinates(problem.vehicle, chain)
+        ridges = ridge_coordinates(problem.driven, chain)
         shape, stations = (*change.shape, group_size(chain)), chain.funnels.begin.shape[1]
         particles = spawn(rng, shape, ridges, stations)
-        scale = margin_scale(problem.vehicle, template, chain, factor, change, particles)
+        scale = margin_scale(problem.driven, template, chain, factor, change, particles)
         if counterexamples and first:
             particles = _include(particles, chain, first[0], counterexamples)
 
         for k in range(ROUNDS):
             part = LEARN.part(k, ROUNDS, FIRST_STEPS[k])
-            outcome = minimax(problem.vehicle, template, chain, part, scale, factor, change, particles)
+            outcome = minimax(problem.driven, template, chain, part, scale, factor, change, particles)
             factor, change, particles = outcome.factor, outcome.change, outcome.particles
             if k < ROUNDS - 1:
-                found = hunt(problem.vehicle, template, chain, factor, change, rng, PROBE)
+                found = hunt(problem.driven, template, chain, factor, change, rng, PROBE)
                 pools = (particles, found.particles)
                 particles = _merge(rng, pools, (outcome.margins, found.margins), ridges, stations)
             report(k + 1)
@@ -306,7 +306,7 @@ def _quick_margins(
         some = candidates[k : k + GROUPS]
         padded = some + some[-1:] * (GROUPS - len(some))
         factor, rates = (np.stack(each) for each in zip(*map(_unknowns, padded), strict=True))
-        found = hunt(problem.vehicle, template, chain, factor, rates * np.asarray(chain.funnels.duration), rng, SEARCH)
+        found = hunt(problem.driven, template, chain, factor, rates * np.asarray(chain.funnels.duration), rng, SEARCH)
         margins += list(found.margins.min(axis=(1, 2)))[: len(some)]
     return margins
 

@@ -125,7 +125,7 @@ class FunnelOracle:
     def _particles(self, funnel: Funnel, factor: Float[np.ndarray, "n n"], schedule: Schedule) -> Hunted:
         factors = np.repeat(factor[None, None], GROUPS, axis=0)
         change = np.full((GROUPS, 1), funnel.rate * funnel.duration)
-        found = hunt(self.problem.vehicle, self.template, self.chain, factors, change, self.rng, schedule)
+        found = hunt(self.problem.driven, self.template, self.chain, factors, change, self.rng, schedule)
         points = found.particles.points.reshape(-1, self.problem.dimension + 1)
         return Hunted(points, found.particles.station.ravel(), found.margins.ravel())
 

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from cfjax.lazy import on_first_use
 from cfjax.problem.deviation import affine_along, affine_deviation, deviation_rate, feedforward, to_deviation, to_state
+from cfjax.problem.feedback import FeedbackLaw, LinearLaw
 from cfjax.problem.frames import Frame, RosPose, deviation_from_ros, deviation_to_ros, pose_from_ros, pose_to_ros
+from cfjax.problem.geometric_laws import PurePursuitLaw, StanleyLaw
 from cfjax.problem.obstacles import Disc, FootprintDisc, Obstacle, Polygon, Wall, disc_centres, distances
 from cfjax.problem.path import Path, Pose, Profile, ReferencePoint, Segment, circle, straight, tube
 from cfjax.problem.problem import Method, Problem
@@ -27,10 +29,12 @@ __all__ = [
     "Box",
     "Disc",
     "Ellipsoid",
+    "FeedbackLaw",
     "FootprintDisc",
     "Frame",
     "Interval",
     "KinematicBicycle",
+    "LinearLaw",
     "Method",
     "Obstacle",
     "Path",
@@ -38,9 +42,11 @@ __all__ = [
     "Pose",
     "Problem",
     "Profile",
+    "PurePursuitLaw",
     "ReferencePoint",
     "RosPose",
     "Segment",
+    "StanleyLaw",
     "Tube",
     "Twist",
     "Vehicle",

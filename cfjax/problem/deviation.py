@@ -229,3 +229,31 @@ def feedforward(vehicle: Vehicle, reference: ReferencePoint) -> tuple[Scalar, ..
                 factor = table[k][i]
                 table[k] = [a - factor * b for a, b in zip(table[k], table[i], strict=True)]
     return (jnp.ones_like(rest[0]), *(row[-1] for row in table))
+
+
+@np.errstate(invalid="ignore")
+def held(vehicle: Vehicle, points: Float[np.ndarray, "n 4"]) -> tuple[np.ndarray, ...]:
+    """Of many references: inputs (n, m) that hold the vehicle on each, the largest rate that they leave (n,), the
+    largest without them (n,), and the reference's twist (n, 3)."""
+    return tuple(in_batches(partial(_held_batch, vehicle), points))
+
+
+@partial(jax.jit, static_argnums=0)
+def _held_batch(vehicle: Vehicle, points: Float[Array, "n 4"]) -> tuple[Array, ...]:
+    def one(row: Float[Array, " 4"]) -> tuple[Array, ...]:
+        point = ReferencePoint(*row)
+        origin = (0.0,) * len(vehicle.state_names)
+        inputs = feedforward(vehicle, point)
+
+        def rate(*given: Scalar) -> Array:
+            return jnp.stack([jnp.asarray(each, float) for each in deviation_rate(vehicle, origin, given, point)])
+
+        def largest(values: Array) -> Array:
+            return jnp.abs(values).max()
+
+        still = rate(1.0, *(0.0 for _ in vehicle.input_names))
+        twist = vehicle.reference(point.turn_rate, point.speed)[0]
+        held = jnp.stack([jnp.asarray(each, float) for each in inputs[1:]])
+        return held, largest(rate(*inputs)), largest(still), jnp.stack([jnp.asarray(each, float) for each in twist])
+
+    return jax.vmap(one)(points)

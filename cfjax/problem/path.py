@@ -333,6 +333,12 @@ class Path:
         first = dict(zip(reversed(self.kinds), reversed(self.segments), strict=True))
         return tuple(first[kind] for kind in sorted(first))
 
+    @property
+    def steady_reference(self) -> ReferencePoint | None:
+        """The one reference of a straight line or a circle at constant speed; None of another path."""
+        first, *others = self.distinct
+        return None if others or isinstance(first, Tube) or not first.is_steady else first.point(0.0)
+
     @cached_property
     def closed(self) -> bool:
         """Whether its end meets its start, in pose and speed: the same lap can be driven again."""

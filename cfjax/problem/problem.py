@@ -4,12 +4,9 @@ import enum
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from cfjax import coerce
 from cfjax.coerce import Number, Numbers
@@ -19,16 +16,15 @@ from cfjax.problem.deviation import (
     FEW,
     ReferencePoint,
     affine_deviation,
-    deviation_rate,
-    feedforward,
-    in_batches,
+    held,
 )
+from cfjax.problem.feedback import Asked, FeedbackLaw, Steered
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, footprint_of, obstacles_of
 from cfjax.problem.path import Path
 from cfjax.problem.room import nearest, require_clear
 from cfjax.problem.sets import Box, Ellipsoid, box, ellipsoid
 from cfjax.problem.tube import Tube
-from cfjax.problem.vehicle import Interval, KinematicBicycle, Scalar, Twist, Vehicle, interval
+from cfjax.problem.vehicle import Interval, KinematicBicycle, Twist, Vehicle, interval
 
 
 TIMING = Interval(0.5, 2.0)  # of u0, unless somebody says another
@@ -86,6 +82,8 @@ class Problem:
             half-width (m), {"left": …, "right": …} with half-widths, points or files of points, or "file" for the
             widths in the path's own file.
         authority: how far a law may go from what the reference needs towards the inputs' limits, above 0 and at most 1.
+        law: the feedback law that gives the vehicle's inputs, limited to their intervals; u0 stays as `method` has it.
+            None: V is to fall with the best inputs.
 
     Raises:
         InputError: where the question cannot be asked: values of another kind, wrong dimensions, a reference that the
@@ -102,6 +100,7 @@ class Problem:
     method: Method
     timing: Interval
     authority: float
+    law: FeedbackLaw | None
 
     def __init__(
         self,
@@ -116,6 +115,7 @@ class Problem:
         timing: Interval | Numbers = TIMING,
         authority: Number = 1.0,
         corridor: object = None,
+        law: FeedbackLaw | None = None,
     ) -> None:
         states = coerce.instance("vehicle", vehicle, Vehicle).state_names
         coerce.keep(
@@ -130,6 +130,7 @@ class Problem:
             method=coerce.choice("method", method, Method),
             timing=interval("timing", timing),
             authority=coerce.number("authority", authority, above=0, most=1),
+            law=coerce.optional("law", law, FeedbackLaw),
         )
         self._check_sets()
         if self.path.tube:
@@ -138,6 +139,9 @@ class Problem:
             coerce.refuse("sets.goal", "a number or half-axes for a path, which ends", None)
         self._check_references()
         self._check_obstacles()
+        if self.law is not None:
+            asked = Asked(self.vehicle, self.path.steady_reference, self.inputs, self.inlet.half_axes)
+            coerce.keep(self, law=self.law.fitted(asked))
 
     def _check_sets(self) -> None:
         states, heading = self.vehicle.state_names, self.inlet.half_axes[0]
@@ -152,6 +156,11 @@ class Problem:
                     raise InputError(
                         f"sets.inlet: reaches {start} in {state}, but sets.safe, around it, ends at {limit}"
                     )
+
+    @property
+    def driven(self) -> Vehicle:
+        """The vehicle with its law, where there is one."""
+        return self.vehicle if self.law is None else Steered(self.vehicle, self.law)
 
     @property
     def inputs(self) -> tuple[Interval, ...]:
@@ -174,7 +183,7 @@ class Problem:
         """The least and the largest of each input that the reference needs by itself, along the path."""
         points = [point for segment in self.path.distinct for point in segment.samples(PLACES)]
         if len(points) > FEW:
-            inputs, *_ = _held(self.vehicle, np.array(points, float))
+            inputs, *_ = held(self.vehicle, np.array(points, float))
             needed = np.concatenate([np.ones((len(points), 1)), inputs], axis=1)
         else:
             needed = np.array([self.feedforward(point) for point in points])
@@ -267,7 +276,7 @@ class Problem:
         if len(points) <= FEW:
             return range(len(points))
         table = np.array(points, float)
-        inputs, left, size, twist = _held(self.vehicle, table)
+        inputs, left, size, twist = held(self.vehicle, table)
         box = np.array([(limits.lower, limits.upper) for limits in self.vehicle.input_box]).reshape(-1, 2)
         turning, speed = table[:, 0], table[:, 1]
         turn, lateral, forward = twist.T
@@ -339,31 +348,3 @@ class Problem:
         largest = abs(low / point.speed)
         digits = 3 - math.floor(math.log10(largest)) if largest else 0
         return math.floor(largest * 10**digits) / 10**digits
-
-
-@np.errstate(invalid="ignore")
-def _held(vehicle: Vehicle, points: Float[np.ndarray, "n 4"]) -> tuple[np.ndarray, ...]:
-    """Of many references: inputs (n, m) that hold the vehicle on each, the largest rate that they leave (n,), the
-    largest without them (n,), and the reference's twist (n, 3)."""
-    return tuple(in_batches(partial(_held_batch, vehicle), points))
-
-
-@partial(jax.jit, static_argnums=0)
-def _held_batch(vehicle: Vehicle, points: Float[Array, "n 4"]) -> tuple[Array, ...]:
-    def one(row: Float[Array, " 4"]) -> tuple[Array, ...]:
-        point = ReferencePoint(*row)
-        origin = (0.0,) * len(vehicle.state_names)
-        inputs = feedforward(vehicle, point)
-
-        def rate(*given: Scalar) -> Array:
-            return jnp.stack([jnp.asarray(each, float) for each in deviation_rate(vehicle, origin, given, point)])
-
-        def largest(values: Array) -> Array:
-            return jnp.abs(values).max()
-
-        still = rate(1.0, *(0.0 for _ in vehicle.input_names))
-        twist = vehicle.reference(point.turn_rate, point.speed)[0]
-        held = jnp.stack([jnp.asarray(each, float) for each in inputs[1:]])
-        return held, largest(rate(*inputs)), largest(still), jnp.stack([jnp.asarray(each, float) for each in twist])
-
-    return jax.vmap(one)(points)

@@ -12,6 +12,8 @@ import jax.numpy as jnp
 from jax.extend import core
 
 from cfjax.coerce import keep
+from cfjax.problem.deviation import ReferencePoint
+from cfjax.problem.feedback import Steered
 from cfjax.problem.vehicle import Interval, Scalar, Twist, Vehicle
 
 
@@ -22,12 +24,16 @@ def traced_vehicle(vehicle: Vehicle) -> "TracedVehicle":
 
 
 class TracedVehicle(Vehicle):
-    """Twist, rates of the internal states and reference of a vehicle. Scalars may be arrays of one shape."""
+    """Twist, rates of the internal states, reference and, where it has one, law of a vehicle.
+
+    Scalars may be arrays of one shape.
+    """
 
     _box: tuple[Interval, ...]
     _twist: core.ClosedJaxpr
     _internal_rate: core.ClosedJaxpr
     _reference: core.ClosedJaxpr
+    _feedback: core.ClosedJaxpr | None
 
     def __init__(self, vehicle: Vehicle) -> None:
         states, inputs = vehicle.internal_names, vehicle.input_names
@@ -45,6 +51,13 @@ class TracedVehicle(Vehicle):
         self._twist = _jaxpr(split(vehicle.twist), count + len(inputs))
         self._internal_rate = _jaxpr(split(vehicle.internal_rate), count + len(inputs))
         self._reference = _jaxpr(reference, 2)
+        self._feedback = None
+        if isinstance(vehicle, Steered):
+            size = len(vehicle.state_names)
+            self._feedback = _jaxpr(
+                lambda *scalars: vehicle.feedback(scalars[:size], ReferencePoint(*scalars[size:])),
+                size + len(ReferencePoint._fields),
+            )
 
     @property
     def input_box(self) -> tuple[Interval, ...]:
@@ -59,6 +72,9 @@ class TracedVehicle(Vehicle):
     def reference(self, turn_rate: Scalar, speed: Scalar) -> tuple[Twist, tuple]:
         turn, lateral, forward, *internal = _evaluated(self._reference, (turn_rate, speed))
         return Twist(turn, lateral, forward), tuple(internal)
+
+    def feedback(self, x: Sequence[Scalar], reference: ReferencePoint) -> tuple[Scalar, ...] | None:
+        return None if self._feedback is None else _evaluated(self._feedback, (*x, *reference))
 
 
 def _jaxpr(function: Callable[..., Sequence[Scalar]], count: int) -> core.ClosedJaxpr:

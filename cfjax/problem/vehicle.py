@@ -12,6 +12,7 @@ into the expression graph on which a proof is built.
 
 import abc
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -115,6 +116,13 @@ class Vehicle(abc.ABC):
     @abc.abstractmethod
     def reference(self, turn_rate: Scalar, speed: Scalar) -> tuple[Twist, tuple]:
         """Body twist and internal states of the vehicle that moves along the path (turn rate rad/s, speed m/s)."""
+
+    def feedback(self, x: Sequence[Scalar], reference: Any) -> tuple[Scalar, ...] | None:
+        """The inputs that a law gives at a deviation beside a `ReferencePoint`, before they are limited.
+
+        None: no law is part of the question, and inputs are free within their limits (`cfjax.problem.feedback`).
+        """
+        return None
 
     def command(self, inputs: tuple) -> tuple:
         """What the actuators are told, in the order of `command_names`: the inputs themselves unless a vehicle says."""

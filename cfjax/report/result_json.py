@@ -11,7 +11,7 @@ from cfjax.check.amounts import SHARE
 from cfjax.check.containment import half_widths
 from cfjax.check.rational import float_below
 from cfjax.funnel import Funnel, template_named
-from cfjax.problem import Disc, Ellipsoid, Interval, Obstacle, Problem, Tube, Wall
+from cfjax.problem import Disc, Ellipsoid, FeedbackLaw, Interval, Obstacle, Problem, Tube, Wall
 from cfjax.problem.vehicle import numbers_of
 from cfjax.report.files import (
     versions,
@@ -41,6 +41,7 @@ def result_json(result: Result) -> dict[str, Any]:
             **numbers_of(problem.vehicle),
             "footprint": [[disc.radius, disc.offset] for disc in problem.footprint],
         },
+        "law": _law_json(problem.law) if problem.law else None,
         "sets": {
             "inlet": list(problem.inlet.half_axes),
             "goal": list(problem.goal.half_axes) if problem.goal else None,
@@ -84,6 +85,12 @@ def _worst_json(problem: Problem, point: WorstPlace) -> dict[str, Any]:
 def _worst_of(data: dict[str, Any]) -> WorstPlace:
     slack = math.nan if data["slack"] is None else data["slack"]
     return WorstPlace(data["segment"], data["condition"], slack, data["theta"], tuple(data["x"].values()))
+
+
+def _law_json(law: FeedbackLaw) -> dict[str, Any]:
+    """Its name, and its numbers where it is a dataclass."""
+    fields = dataclasses.asdict(law) if dataclasses.is_dataclass(law) else {}
+    return {"name": law.name, **fields}
 
 
 def _segment_json(problem: Problem, found: SegmentResult) -> dict[str, Any]:

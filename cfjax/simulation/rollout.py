@@ -18,7 +18,7 @@ from jax import export
 from jaxtyping import Array, Float, Int
 
 from cfjax.coerce import instances, objects, whole
-from cfjax.control import Law, MinNorm
+from cfjax.control import Given, Law, MinNorm
 from cfjax.control.legs import MEETS, leg_arrays
 from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Problem, Vehicle
@@ -232,7 +232,7 @@ class _Launch(NamedTuple):
         return jax.tree.map(lambda *shares: np.concatenate(shares, axis=-1), *self.program.side_by_side(self.arguments))
 
 
-def _launch(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law) -> _Launch:
+def _launch(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: Law | None) -> _Launch:
     """Cars from random places in I.
 
     Raises:
@@ -240,6 +240,7 @@ def _launch(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: La
     """
     template = leg_arrays(problem, legs).template
     cars, seed = whole("cars", cars, 1), whole("seed", seed, 0)
+    law = (MinNorm() if problem.law is None else Given()) if law is None else law
     objects(law=(law, Law))
     profiles = profiles_of(problem.path)
     table = table_of(problem, legs, profiles)
@@ -253,14 +254,14 @@ def _launch(problem: Problem, legs: Sequence[Leg], cars: int, seed: int, law: La
     # an array that did not fit says so here; NumPy would end the process
     starts = jax.block_until_ready(sample_starts(jax.random.key(seed), problem.inlet, cars))
     numbers = MOST_ROWS + 1, max(1, cars // RECORDED)
-    program = traced(drive, traced_vehicle(problem.vehicle), template, law, *numbers, options=OPTIONS)
+    program = traced(drive, traced_vehicle(problem.driven), template, law, *numbers, options=OPTIONS)
     shares = 2 if cars >= SHARED and cars % 2 == 0 else 1
     return _Launch(
         program, [(table, profiles, around, own, limit, every) for own in np.split(np.asarray(starts), shares)]
     )
 
 
-def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = MinNorm()) -> None:
+def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law | None = None) -> None:
     """Compile what `drive_cars` asks for once all segments have funnels; any will do for that."""
     shape = np.diag(1 / np.array(problem.inlet.half_axes) ** 2)
     course = problem.path.require_course()
@@ -274,11 +275,12 @@ def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law = 
 
 
 def drive_cars(
-    problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0, law: Law = MinNorm()
+    problem: Problem, legs: Sequence[Leg], *, cars: int, seed: int = 0, law: Law | None = None
 ) -> tuple[ClosedLoop, Rollouts]:
     """Drive `cars` cars from random deviations of I at θ = 0 to the path's end, each leg under the law of its margins.
 
     In a tube, one leg without end, each car has a path of its own (`drive_tube_cars`), under the min-norm law.
+    The law is the problem's own where it has one and none is given, else the min-norm law.
 
     The cars know where they are on the path: the law reads the reference at their θ. What is counted is looked at after
     each step, and V at the end of a leg in both funnels. A car has left S if it leaves the box or if its footprint
