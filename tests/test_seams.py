@@ -125,8 +125,8 @@ class ShiftedLevel(Level):
         contraction = arb_series([-self.rate * theta, arb(-self.rate)], prec=terms).exp()
         return contraction * arb(1 + self.shift) - arb(self.shift)
 
-    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: fmpq) -> arb:
-        return arb(self.rate * theta).exp() * (form_rate + arb(self.rate * (form + self.shift) * u0))
+    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
+        return arb(self.rate * theta).exp() * (form_rate + arb(self.rate * (form + self.shift)) * u0)
 
     def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
         return sqrt_upper(1 + self.shift), 1 / least  # σ q ≤ 1 + b − σ b
@@ -239,7 +239,7 @@ def test_a_third_template_asks_no_less_of_the_checker(rate: fmpq) -> None:
     (within,) = level.inside(span)
     scales = np.asarray(template.scale(float(rate), np.linspace(begin, end, 1001)))
     assert float(within.least_drop) <= (1 / scales).min() + 1e-12
-    value = level.value_rate(span[0], fmpq(1, 2), arb(3), fmpq(2))
+    value = level.value_rate(span[0], fmpq(1, 2), arb(3), arb(2))
     moved = template.scale(float(rate), begin) * (3 + template.timing(float(rate), 0.5) * 2)
     assert float(value) == pytest.approx(float(moved))
 

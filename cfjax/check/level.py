@@ -71,7 +71,7 @@ class Level(abc.ABC):
         """ρ at θ + u in powers of u, for every θ in the ball."""
 
     @abc.abstractmethod
-    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: fmpq) -> arb:
+    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
         """V̇ where q and q̇ are these."""
 
     @abc.abstractmethod
@@ -115,8 +115,8 @@ class Paper(Level):
     def series(self, theta: arb, terms: int) -> arb_series:
         return arb_series([1 - self.rate * theta, arb(-self.rate)], prec=terms)
 
-    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: fmpq) -> arb:
-        return form_rate + arb(self.rate * u0)
+    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
+        return form_rate + arb(self.rate) * u0
 
     def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
         return sqrt_upper(peak), fmpq(1)
@@ -145,8 +145,8 @@ class Contracting(Level):
     def series(self, theta: arb, terms: int) -> arb_series:
         return arb_series([-self.rate * theta, arb(-self.rate)], prec=terms).exp()
 
-    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: fmpq) -> arb:
-        return arb(self.rate * theta).exp() * (form_rate + arb(self.rate * form * u0))
+    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
+        return arb(self.rate * theta).exp() * (form_rate + arb(self.rate * form) * u0)
 
     def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
         return fmpq(1), 1 / least

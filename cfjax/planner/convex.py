@@ -5,8 +5,11 @@ import itertools
 import numpy as np
 import shapely
 
-from cfjax.problem.obstacles import PARALLEL
+from cfjax.problem.obstacles import PARALLEL, Disc, Polygon
 
+
+Solid = Disc | Polygon
+"""What a map is made of: discs and convex polygons."""
 
 MOST_CORNERS = 16  # of a part: more of them make a half-plane's proof longer than another part would
 

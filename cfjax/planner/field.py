@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float
 
-from cfjax.problem import Disc, Obstacle
+from cfjax.planner.convex import Solid
+from cfjax.problem import Disc
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Field:
 
 
 def field_of(
-    obstacles: Sequence[Obstacle],
+    obstacles: Sequence[Solid],
     grown: Float[np.ndarray, " obstacles"],
     rectangle: tuple[float, float, float, float],
     step: float,
@@ -60,7 +61,7 @@ def field_of(
     return Field(complex(left, bottom), step, distance)
 
 
-def _box(obstacle: Obstacle, margin: float) -> tuple[complex, complex]:
+def _box(obstacle: Solid, margin: float) -> tuple[complex, complex]:
     """Lower and upper corner of a rectangle around an obstacle."""
     if isinstance(obstacle, Disc):
         middle, size = complex(obstacle.x, obstacle.y), (obstacle.radius + margin) * (1 + 1j)
@@ -70,7 +71,7 @@ def _box(obstacle: Obstacle, margin: float) -> tuple[complex, complex]:
     return complex(*low), complex(*high)
 
 
-def signed_distance(obstacle: Obstacle, places: Complex[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def signed_distance(obstacle: Solid, places: Complex[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """Distances (m) of places from a disc or convex polygon; inside it minus those from its edge."""
     if isinstance(obstacle, Disc):
         return np.abs(places - complex(obstacle.x, obstacle.y)) - obstacle.radius

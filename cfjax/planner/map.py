@@ -16,8 +16,8 @@ from shapely.geometry.base import BaseGeometry
 
 from cfjax.coerce import Numbers, keep, listed, numbers, refuse, text
 from cfjax.errors import InputError
-from cfjax.planner.convex import convex_parts
-from cfjax.problem import Disc, Obstacle, Polygon
+from cfjax.planner.convex import Solid, convex_parts
+from cfjax.problem import Disc, Obstacle, Polygon, Wall
 from cfjax.problem.obstacles import obstacles_of
 
 
@@ -43,7 +43,7 @@ class Map:
         InputError: for anything else, polygons that cross themselves, and bounds without an area.
     """
 
-    obstacles: tuple[Obstacle, ...]
+    obstacles: tuple[Solid, ...]
     labels: tuple[str, ...]
     bounds: tuple[float, float, float, float] | None
     source: str
@@ -103,13 +103,13 @@ class Map:
         return f"<{self.source}: {len(self.obstacles)} convex obstacles{inside}>"
 
 
-def _entry(obstacle: Obstacle) -> dict[str, list]:
+def _entry(obstacle: Solid) -> dict[str, list]:
     if isinstance(obstacle, Disc):
         return {"disc": [obstacle.x, obstacle.y, obstacle.radius]}
     return {"polygon": [list(corner) for corner in obstacle.corners]}
 
 
-def _convex(name: str, entry: object) -> Iterator[Obstacle]:
+def _convex(name: str, entry: object) -> Iterator[Solid]:
     """The convex parts of an entry."""
     if isinstance(entry, Disc):
         yield entry
@@ -124,9 +124,12 @@ def _convex(name: str, entry: object) -> Iterator[Obstacle]:
         return
     if not isinstance(entry, BaseGeometry):
         try:
-            yield from obstacles_of([entry])
+            (found,) = obstacles_of([entry])
         except InputError as error:
             raise InputError(f"{name}: {str(error).partition(': ')[2]}") from None
+        if isinstance(found, Wall):
+            raise InputError(f"{name}: expected a disc or a polygon, got a wall; a thin polygon stands for one")
+        yield from [found] if isinstance(found, Disc) else _convex(name, found)
         return
     if not isinstance(entry, shapely.Polygon | shapely.MultiPolygon) or entry.is_empty or not entry.is_valid:
         raise InputError(f"{name}: expected a polygon, got {_why(entry)}")
@@ -159,7 +162,7 @@ def _rectangle(name: str, bounds: object) -> tuple[float, float, float, float]:
     return left, bottom, right, top
 
 
-def _walls(bounds: tuple[float, float, float, float]) -> list[tuple[Obstacle, str]]:
+def _walls(bounds: tuple[float, float, float, float]) -> list[tuple[Solid, str]]:
     """What stands around the rectangle."""
     left, bottom, right, top = bounds
     sides = {
@@ -171,7 +174,7 @@ def _walls(bounds: tuple[float, float, float, float]) -> list[tuple[Obstacle, st
     return [(Polygon([(a, b), (c, b), (c, d), (a, d)]), f"the {side} wall") for side, (a, b, c, d) in sides.items()]
 
 
-def _shape(obstacle: Obstacle) -> BaseGeometry:
+def _shape(obstacle: Solid) -> BaseGeometry:
     if isinstance(obstacle, Polygon):
         return shapely.Polygon(obstacle.corners)
     chords = 1 / np.cos(np.pi / (4 * ROUNDNESS))  # polygon outside the circle
