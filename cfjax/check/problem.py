@@ -56,6 +56,17 @@ class ProblemClaim:
     law: LawClaim | None = None  # without one some input of the box has to do
 
     @property
+    def reference(self) -> Reference:
+        """That of a path that lies somewhere.
+
+        Raises:
+            Broken: every path within bounds is meant.
+        """
+        if isinstance(self.course, Bounds):
+            raise Broken("path: expected one that lies somewhere, got bounds")
+        return self.course.reference
+
+    @property
     def is_steady(self) -> bool:
         """Whether it speaks of one turning rate and speed alone."""
         course = self.course

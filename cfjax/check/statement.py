@@ -170,7 +170,7 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
 
 def _bounded(bounded: Bounded) -> tuple[Section, ...]:
     problem, course = bounded.problem, bounded.problem.course
-    assert isinstance(course, Course)  # of a bound, as is proven
+    assert not isinstance(course, Bounds)  # of a bound, as is proven
     *_, last = problem.vehicle.states
     return (
         Section(

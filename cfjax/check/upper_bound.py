@@ -45,7 +45,7 @@ from typing import Any, NamedTuple
 from flint import arb, fmpq
 
 from cfjax.check.dual import Dual, constant, unknowns
-from cfjax.check.problem import Course, ProblemClaim
+from cfjax.check.problem import ProblemClaim
 from cfjax.check.rational import sqrt_lower, sqrt_upper
 from cfjax.check.reader import Broken
 from cfjax.check.refutation import require_affine
@@ -120,7 +120,7 @@ class Row:
 
     def __post_init__(self) -> None:
         problem, vehicle = self.problem, self.problem.vehicle
-        if not isinstance(problem.course, Course) or not problem.is_steady:
+        if not problem.is_steady or len(problem.reference.pieces) != 1:
             raise Broken("bound: expected a path at constant speed and turning rate")
         if self.profile["turn_rate"] or not self.profile["speed"] > 0:
             raise Broken("bound: expected a straight line at a speed above zero")
@@ -151,15 +151,11 @@ class Row:
     @cached_property
     def profile(self) -> dict[str, fmpq]:
         """Of the reference: turn rate and speed, and that neither changes."""
-        course = self.problem.course
-        assert isinstance(course, Course)
-        return dict(course.reference.pieces[0].profile(fmpq(0)))
+        return dict(self.problem.reference.pieces[0].profile(fmpq(0)))
 
     @property
     def duration(self) -> fmpq:
-        course = self.problem.course
-        assert isinstance(course, Course)
-        return course.reference.duration
+        return self.problem.reference.duration
 
     @property
     def timing(self) -> tuple[fmpq, fmpq]:

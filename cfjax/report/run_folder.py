@@ -23,6 +23,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -119,6 +120,7 @@ def write_run(
         total = before + time.perf_counter() - begin
         return result.replace(seconds={**clock.seconds, **others, "total": total})
 
+    again = partial(write_run, check=check, points=points, frame=frame)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _clear(folder)
@@ -137,7 +139,7 @@ def write_run(
                         result, why = _write_robustness(result, folder, harden, check)
             finally:
                 if asked is not None:
-                    result = _held_to(asked, result, folder, why, check, points)
+                    result = _held_to(asked, result, folder, why, again)
             if drive is not None:
                 result = drive(result)
             if picture is not None:
@@ -162,20 +164,17 @@ def _clear(folder: Path) -> None:
                 path.unlink(missing_ok=True)
 
 
-def _held_to(asked: Asked, result: Result, folder: Path, why: str, check: Check, points: bytes | None) -> Result:
-    """The result if it proves what is asked; else what it proves becomes a run of its own, and it proves nothing."""
+def _held_to(asked: Asked, result: Result, folder: Path, why: str, again: Callable[..., Result]) -> Result:
+    """The result if it proves what is asked; else what it proves becomes a run of its own, and it proves nothing.
+
+    `again` writes a run as this one is written.
+    """
     held = held_to(result, asked.period, asked.delay, why)
     if held is result:
         return result
     hints = Hints(read_json(folder / ROBUSTNESS)) if result.robustness else None
-    write_run(
-        result.replace(robustness=None, command=None),
-        folder / WITHOUT_PERIOD,
-        asked.config_yaml,
-        check=check,
-        harden=hints and (lambda _: hints),
-        points=points,
-    )
+    less = result.replace(robustness=None, command=None)
+    again(less, folder / WITHOUT_PERIOD, asked.config_yaml, harden=hints and (lambda _: hints))
     for name in (CERTIFICATE, ROBUSTNESS):
         (folder / name).unlink(missing_ok=True)
     return held.replace(message=f"{held.message}; what is proven stands in the folder {WITHOUT_PERIOD}")
