@@ -52,7 +52,14 @@ def synthesize(problem: Problem, options: Options = Options(), progress: Progres
     """
     coerce.function("progress", progress)
     with watched(progress) as clock:
-        return drive(_hardened(search(problem, options, clock), options, clock), options, clock)
+        try:
+            found = search(problem, options, clock)
+        except Interrupted as stopped:
+            result: Result = stopped.result
+            if options.period is not None:
+                result = held_to(result, options.period, options.delay, "the search was interrupted")
+            raise Interrupted(result) from None
+        return drive(_hardened(found, options, clock), options, clock)
 
 
 def search(problem: Problem, options: Options = Options(), progress: Progress | None = None) -> Result:

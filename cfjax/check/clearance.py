@@ -37,7 +37,7 @@ from cfjax.check.level import Level
 from cfjax.check.piece import Piece
 from cfjax.check.polynomial import bernstein
 from cfjax.check.program import Matrix
-from cfjax.check.rational import about, decimal_text, is_positive_definite
+from cfjax.check.rational import about, bits, decimal_text, is_positive_definite
 from cfjax.check.reference import ExactPose
 from cfjax.check.vehicle import POSE
 
@@ -98,6 +98,11 @@ class Shadow:
     def inverse(self) -> fmpq_mat:
         """C⁻¹."""
         return fmpq_mat([list(row) for row in self.shape]).inv()
+
+    @cached_property
+    def longest(self) -> int:
+        """Bits of the longest number in C⁻¹."""
+        return max(bits(entry) for entry in self.inverse.entries())
 
     def around(self, level: fmpq) -> arb:
         """How far (m) the disc's centre is from the reference at most, where ρ is at most `level`.

@@ -16,6 +16,9 @@ from flint import fmpq
 from cfjax.check.enclosure import LARGEST_DEGREE, TOO_LARGE, Domain, Enclosure, TooLarge, UnaryEnclosure
 
 
+FACTOR_EFFORT = 64  # of a factor, whatever it is multiplied with
+
+
 @dataclass(frozen=True)
 class Divisor:
     """A function that is at least `least` > 0 on the domain; `given` is that function, or what it is the negative of.
@@ -93,6 +96,7 @@ class Quotient:
         for node, (divisor, exponent) in powers.items():
             own = self.powers[node].exponent if node in self.powers else 0
             for _ in range(exponent - own):
+                found.domain.budget.spend(FACTOR_EFFORT)  # nothing over many divisors takes time too
                 found = found * divisor.value
         return found
 

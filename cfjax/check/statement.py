@@ -170,7 +170,7 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
 
 def _bounded(bounded: Bounded) -> tuple[Section, ...]:
     problem, course = bounded.problem, bounded.problem.course
-    assert not isinstance(course, Bounds)  # of a bound, as is proven
+    assert not isinstance(course, Bounds) and problem.inlet and problem.goal  # of a bound, as is proven
     *_, last = problem.vehicle.states
     return (
         Section(
@@ -179,7 +179,15 @@ def _bounded(bounded: Bounded) -> tuple[Section, ...]:
         ),
         _vehicle(problem.vehicle, bounded.assumptions),
         Section("path", (_path(problem.path, course),)),
-        _sets(problem, ROUND_CEILING, ROUND_FLOOR),
+        Section(
+            "sets",
+            (
+                _deviations(problem.vehicle),
+                _half_axes("I", problem.inlet, ROUND_CEILING),
+                _half_axes("G", problem.goal, ROUND_FLOOR),
+                "S and obstacles are not looked at: they can only make margins smaller",
+            ),
+        ),
         Section("inputs", (_inputs(problem, INWARDS),)),
         Section(
             "form",
@@ -245,8 +253,8 @@ def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ..
     return (
         held,
         f"that law may see poses up to {_down(late.delay)} s late, if it knows their age and the inputs held since: it "
-        f"predicts; a car that holds {first} until the first pose is there has to start in V <= {_down(late.level)}, "
-        "so early that theta is on the path then",
+        f"predicts; a car that holds {first} until it acts on its first pose, within that delay, has to start in "
+        f"V <= {_down(late.level)}, and so early that theta is before the end of the path, or of the lap, by then",
     )
 
 

@@ -28,6 +28,7 @@ MOST_STRETCHES, MOST_NORMALS = 2**14, 16  # of one leg, of one stretch
 LARGEST_NORMAL = 2**20
 LONGEST_NUMBER = 2**11  # bits of what clearance is proven from
 CLEARANCE_EFFORT = 2**23  # of all half-planes of a file: half a minute at most
+DISC_EFFORT = 4  # of a disc on a part, before anything is near
 REACH_EFFORT = 2  # of a bound of first order; looking at 64 obstacles costs as much
 
 
@@ -120,7 +121,10 @@ class Body(NamedTuple):
             Blocked: a hull is near, and no normal is stated.
         """
         lengths = {normal: length_of(normal) for normal in normals}
-        self.budget.spend(len(piece.turn_rate) ** 2 + len(piece.speed) ** 2)
+        numbers = (*piece.turn_rate, *piece.speed)
+        squares = len(piece.turn_rate) ** 2 + len(piece.speed) ** 2
+        self.budget.spend(squares * _longer(max(map(bits, numbers))))
+        self.budget.spend(sum(DISC_EFFORT * _longer(shadow.longest) for shadow in self.shadows))
         return [self._left_open(Sweep(piece, start, end, shadow), lengths) for shadow in self.shadows]
 
     def _left_open(self, sweep: Sweep, lengths: Mapping[Normal, int]) -> dict[Normal, list[Hull]]:
@@ -132,9 +136,9 @@ class Body(NamedTuple):
             raise Broken("the place of the reference is not known")
         self.budget.spend(len(self.nearby.candidates(box)) // 64)
         for hull in self.nearby.meeting(box):
-            self.budget.spend(len(hull.corners))
             room: dict[Normal, int] = {}
             for normal, length in lengths.items():
+                self.budget.spend(len(hull.corners))
                 if normal not in reaches:
                     self.budget.spend(REACH_EFFORT)
                     reaches[normal] = sweep.reach(normal)
@@ -161,15 +165,26 @@ def prove_surroundings(surroundings: Surroundings, legs: Sequence[Leg], clearanc
         raise Broken("condition (c): there are obstacles, and no footprint that could clear them")
     _check_numbers(surroundings, legs)
     nearby, budget = Nearby(surroundings.hulls), Budget(CLEARANCE_EFFORT)
+    known: dict[int, tuple[Shadow, ...]] = {}  # by funnel: many legs may have one
     for leg, stretches in zip(legs, clearance, strict=True):
         try:
-            body = Body(shadows_of(leg, surroundings.footprint), nearby, budget)
+            if id(leg.funnel) not in known:
+                known[id(leg.funnel)] = shadows_of(leg, surroundings.footprint)
+                budget.spend(sum(shadow.longest for shadow in known[id(leg.funnel)]))
+            shadows = known[id(leg.funnel)]
+            _require_until_end(shadows, leg)
+            body = Body(shadows, nearby, budget)
             poses = leg.reference.piece_poses[leg.begin : leg.end + 1]
             prove_clear(body, leg.pieces, poses, stretches)
         except Blocked as error:
             raise Broken(f"condition (c), leg {leg.index}, {surroundings.name(error.hull)}: {error}") from None
         except ValueError as error:
             raise Broken(f"condition (c), leg {leg.index}: {error}") from None
+
+
+def _longer(size: int) -> int:
+    """How many times as much work numbers of so many bits are."""
+    return 1 + size // 512
 
 
 def shadows_of(leg: Leg, footprint: Sequence[FootprintClaim]) -> tuple[Shadow, ...]:
@@ -179,9 +194,13 @@ def shadows_of(leg: Leg, footprint: Sequence[FootprintClaim]) -> tuple[Shadow, .
         ValueError: the funnel is none, or empty before the leg ends.
     """
     shadows = tuple(Shadow(leg.funnel.shape, leg.funnel.level, disc) for disc in footprint)
+    _require_until_end(shadows, leg)
+    return shadows
+
+
+def _require_until_end(shadows: Sequence[Shadow], leg: Leg) -> None:
     for shadow in shadows if leg.funnel.level.rate else ():  # else the funnel stays as it is
         shadow.check_end(leg.duration)
-    return shadows
 
 
 def prove_clear(

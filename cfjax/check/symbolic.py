@@ -14,7 +14,7 @@ from flint import arb, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from cfjax.check.bounds import Range
 from cfjax.check.enclosure import Budget, Domain, Enclosure
 from cfjax.check.graph import Graph
-from cfjax.check.rational import sqrt_lower, sqrt_upper, upper_bound
+from cfjax.check.rational import bits, lower_bound, sqrt_lower, sqrt_upper, upper_bound
 from cfjax.check.reader import Broken
 
 
@@ -33,6 +33,7 @@ DERIVATIVES = {
     "sqrt": Derivative(lambda sqrt, inv: sqrt * inv * inv.domain.constant(fmpq(1, 2)), "inv"),
 }
 STRUCTURE_EFFORT = 8_000_000  # in products of coefficients, as a proof's: to look at dynamics takes far less
+LONGEST_RANGE = 1024  # bits of what a quantity is between
 REFERENCE = ("turn_rate", "speed", "turn_rate_slope", "speed_slope")
 
 
@@ -132,7 +133,7 @@ class Symbolic:
         for powers, coefficient in _terms(polynomial):
             term = abs(coefficient)
             for index, power in powers:
-                term = term * self._largest(index, ranges) ** power if term else term
+                term = _short((fmpq(0), term * self._largest(index, ranges) ** power))[1] if term else term
             total += term
         return total
 
@@ -160,8 +161,8 @@ class Symbolic:
         for powers, coefficient in _terms(polynomial):
             term = coefficient, coefficient
             for index, power in powers:
-                term = _product(term, _power(self._range_of(index, ranges), power))
-            total = total[0] + term[0], total[1] + term[1]
+                term = _short(_product(term, _power(self._range_of(index, ranges), power)))
+            total = _short((total[0] + term[0], total[1] + term[1]))
         return total
 
     def _range_of(self, index: int, ranges: Mapping[str, Range]) -> Range:
@@ -182,6 +183,14 @@ def _terms(polynomial: fmpq_mpoly) -> Iterator[tuple[list[tuple[int, int]], fmpq
     """The generators of each term, with their powers, and its coefficient."""
     for exponents, coefficient in polynomial.to_dict().items():
         yield [(index, power) for index, power in enumerate(map(int, exponents)) if power], fmpq(coefficient)
+
+
+def _short(values: Range) -> Range:
+    """The same, rounded outwards where its numbers are long: nested functions would make them longer without end."""
+    lower, upper = values
+    if max(bits(lower), bits(upper)) <= LONGEST_RANGE:
+        return values
+    return lower_bound(arb(lower)), upper_bound(arb(upper))
 
 
 def _product(first: Range, second: Range) -> Range:

@@ -15,7 +15,7 @@ from cfjax.check.upper_bound import CONDITIONS, UNKNOWNS, Cut, Empty, Leaf, Plac
 
 FORMAT, VERSION = "cfjax-upper-bound", 1
 MOST_PLACES, MOST_DEPTH, MOST_IN_LEAF = 1024, 96, 32
-MOST_TERMS = 200_000  # of a tree, where a leaf counts as one: a minute or two
+MOST_TERMS = 200_000  # of a tree, where a leaf counts as one, and for dynamics of less than 32 nodes: some minutes
 LARGEST_WEIGHT = 2**24
 STILL = "still"
 
@@ -42,7 +42,8 @@ def read_upper_bound(document: object, skip_hash: bool = False) -> UpperBound:
     claim = problem_of(problem)
     row = Row(claim, dynamics_of(claim.car), beta.positive())
     found = tuple(_place(entry, row) for entry in places.items(MOST_PLACES))
-    return UpperBound(row, margin.positive(), found, _tree(tree, len(found), Budget(MOST_TERMS), MOST_DEPTH))
+    each = 1 + len(claim.vehicle.graph.nodes) // 32
+    return UpperBound(row, margin.positive(), found, _tree(tree, len(found), Budget(MOST_TERMS // each), MOST_DEPTH))
 
 
 def _place(item: Item, row: Row) -> Place:

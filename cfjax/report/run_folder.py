@@ -139,7 +139,12 @@ def write_run(
                         result, why = _write_robustness(result, folder, harden, check)
             finally:
                 if asked is not None:
-                    result = _held_to(asked, result, folder, why, again)
+                    # nothing is claimed from here on: whatever stops the writing, the run is not certified
+                    proven, result = result, held_to(result, asked.period, asked.delay, why)
+                    if result is not proven:
+                        _write_without_period(asked, proven, folder, again)
+                        message = f"{result.message}; what is proven stands in the folder {WITHOUT_PERIOD}"
+                        result = result.replace(message=message)
             if drive is not None:
                 result = drive(result)
             if picture is not None:
@@ -164,20 +169,18 @@ def _clear(folder: Path) -> None:
                 path.unlink(missing_ok=True)
 
 
-def _held_to(asked: Asked, result: Result, folder: Path, why: str, again: Callable[..., Result]) -> Result:
-    """The result if it proves what is asked; else what it proves becomes a run of its own, and it proves nothing.
+def _write_without_period(asked: Asked, proven: Result, folder: Path, again: Callable[..., Result]) -> None:
+    """A run of its own from what is proven, but not as asked; nothing in the folder itself claims it any more.
 
     `again` writes a run as this one is written.
     """
-    held = held_to(result, asked.period, asked.delay, why)
-    if held is result:
-        return result
-    hints = Hints(read_json(folder / ROBUSTNESS)) if result.robustness else None
-    less = result.replace(robustness=None, command=None)
-    again(less, folder / WITHOUT_PERIOD, asked.config_yaml, harden=hints and (lambda _: hints))
-    for name in (CERTIFICATE, ROBUSTNESS):
-        (folder / name).unlink(missing_ok=True)
-    return held.replace(message=f"{held.message}; what is proven stands in the folder {WITHOUT_PERIOD}")
+    try:
+        hints = Hints(read_json(folder / ROBUSTNESS)) if proven.robustness else None
+        less = proven.replace(robustness=None, command=None)
+        again(less, folder / WITHOUT_PERIOD, asked.config_yaml, harden=hints and (lambda _: hints))
+    finally:
+        for name in (CERTIFICATE, ROBUSTNESS):
+            (folder / name).unlink(missing_ok=True)
 
 
 def keep_elsewhere(
