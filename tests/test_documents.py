@@ -80,7 +80,7 @@ def test_the_reference_of_keys_is_up_to_date() -> None:
 def test_every_key_is_in_the_reference() -> None:
     content, config = keys.PAGE.read_text("utf-8"), preset("circle")
     expected = {field.name for field in dataclasses.fields(Config)}
-    for group in ("sets", "polytope", "proof", "objective", "wandb"):
+    for group in ("sets", "polytope", "proof", "objective", "wandb", "law"):
         expected.remove(group)
         expected |= {f"{group}.{name}" for name in vars(getattr(config, group))}
     for group, kinds in (("path", PATH_KINDS), ("vehicle", VEHICLE_KINDS)):

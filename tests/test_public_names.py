@@ -2,7 +2,7 @@
 
 import importlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
@@ -22,7 +22,20 @@ from cfjax.control import MinNorm, law_numbers
 from cfjax.demonstrator import horizon_of, weights_of
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.learner.elimination import Elimination
-from cfjax.problem import Disc, Polygon, Pose, Profile, ReferencePoint, RosPose, Segment, Tube, Wall
+from cfjax.problem import (
+    Disc,
+    LinearLaw,
+    Polygon,
+    Pose,
+    Profile,
+    PurePursuitLaw,
+    ReferencePoint,
+    RosPose,
+    Segment,
+    StanleyLaw,
+    Tube,
+    Wall,
+)
 from cfjax.result import Result, SegmentResult
 from cfjax.simulation.track import track_of
 from cfjax.tubes.certified import CertifiedTube
@@ -50,6 +63,11 @@ TEMPLATE = template_named("contracting")
 @cache
 def following() -> cfjax.Following:
     return cfjax.follow(circle(3.0, 1.0))
+
+
+def values_of(record: Any) -> dict[str, Any]:
+    """Its fields, without what it has computed meanwhile."""
+    return {entry.name: getattr(record, entry.name) for entry in fields(record)}
 
 
 WRONG: dict[str, Any] = {
@@ -145,8 +163,8 @@ TABLE: dict[str, Callable[[], Call]] = {
         timing=(0.5, 2),
         authority=1,
     ),
-    "Funnel": lambda: of(Funnel, Funnel, **vars(FUNNEL)),
-    "Result": lambda: of(Result, Result, **vars(RESULT)),
+    "Funnel": lambda: of(Funnel, Funnel, **values_of(FUNNEL)),
+    "Result": lambda: of(Result, Result, **values_of(RESULT)),
     "Result.replace": lambda: of(RESULT.replace, Result, verdict="refuted", problem=PROBLEM),
     "Result.describe": lambda: of(RESULT.describe, str, objective=cfjax.Objective()),
     "Following": lambda: of(
@@ -158,9 +176,12 @@ TABLE: dict[str, Callable[[], Call]] = {
     "Disc": lambda: of(Disc, Disc, x=0, y=0, radius=1),
     "Polygon": lambda: of(Polygon, Polygon, corners=[[0, 0], [1, 0], [0, 1]]),
     "Wall": lambda: of(Wall, Wall, points=[[0, 0], [1, 0], [0, 1]]),
+    "LinearLaw": lambda: of(LinearLaw, LinearLaw, gain=[[0, 0, 0, 0], [0, 0, 0, -1]], centre=[0, 0]),
+    "StanleyLaw": lambda: of(StanleyLaw, StanleyLaw, speed_gain=1, curvature=0.5, gain=1, softening=0.1),
+    "PurePursuitLaw": lambda: of(PurePursuitLaw, PurePursuitLaw, speed_gain=1, curvature=0.5, look_ahead=1),
     "Profile": lambda: of(Profile, Profile, breaks=[0, 1], coefficients=[[1.0, 0.5]]),
     "Profile.constant": lambda: of(Profile.constant, Profile, value=1, duration=2),
-    "Segment": lambda: of(Segment, Segment, **vars(PATH.curve[0]) | {"start": (0, 0, 0)}),
+    "Segment": lambda: of(Segment, Segment, **values_of(PATH.curve[0]) | {"start": (0, 0, 0)}),
     "Segment.point": lambda: of(PATH.curve[0].point, ReferencePoint, theta=0.5),
     "Tube": lambda: of(Tube, Tube, curvature=(-1, 1), speed=[1, 2], acceleration=Interval(0, 0)),
     "Problem.feedforward": lambda: of(PROBLEM.feedforward, np.ndarray, point=POINT),
@@ -401,7 +422,7 @@ TABLE: dict[str, Callable[[], Call]] = {
     ),
     "drive_cars": lambda: slow(
         cfjax.simulation.drive_cars,
-        {"seed": WHOLE} | PROBLEMS,
+        {"seed": WHOLE, "law": {"None"}} | PROBLEMS,
         problem=PROBLEM,
         legs=[LEG],
         cars=1,
@@ -456,7 +477,20 @@ UNCHECKED = {
     ),
     *("Descent", "LawNumbers", "Located", "Link", "Stretch", "Sources", "Statement", "Measurement", "Scene", "RosPose"),
     # what a user derives a class from, and what has no arguments
-    *("Vehicle", "Template", "Law", "Plant", "HostPlant", "Contracting", "Paper", "MinNorm", "Sontag", "LinSontag"),
+    *(
+        "Vehicle",
+        "Template",
+        "Law",
+        "FeedbackLaw",
+        "Given",
+        "Plant",
+        "HostPlant",
+        "Contracting",
+        "Paper",
+        "MinNorm",
+        "Sontag",
+        "LinSontag",
+    ),
     *(
         "InputError",
         "library_files",

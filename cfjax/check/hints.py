@@ -1,6 +1,6 @@
 """Hints of a certificate, read: what a prover found. Shapes and sizes are checked, nothing of it is believed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import comb
 from typing import NamedTuple
@@ -101,7 +101,9 @@ def read_decrease(item: Item, states: int, inputs: int, room: Room) -> DecreaseH
 def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> StretchHints:
     end, bounds, whitening, enclosures, cells = item.record("end", "bounds", "whitening", "enclosures", "cells")
     by_node, by_cell = read_enclosures(enclosures), {}
-    for entry in cells.items(MOST_CELLS):
+    entries, least = cells.items(MOST_CELLS), _entries(sizes)
+    room.take(len(entries) * least, cells)
+    for entry in entries:
         reference, piece, signs, margin, remainder, grams = entry.record(
             "reference", "piece", "signs", "margin", "remainder", "grams"
         )
@@ -113,7 +115,7 @@ def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> Str
         if key in by_cell:
             entry.refuse("each cell once")
         own = by_boundary(sizes, key[2])
-        room.take(sum(rows * (rows + 1) // 2 for rows in own), entry)
+        room.take(_entries(own) - least, entry)
         tables, (constant, square) = grams.items(len(own), len(own)), remainder.items(2, 2)
         by_cell[key] = CellHints(
             margin.rational(),
@@ -123,6 +125,11 @@ def _stretch_hints(item: Item, states: int, sizes: list[int], room: Room) -> Str
     rows = read_matrix(whitening, states)
     until = None if end.value is None else end.positive()
     return StretchHints(until, read_stretch_bounds(bounds), rows, by_node, by_cell)
+
+
+def _entries(sizes: Sequence[int]) -> int:
+    """Of Gram matrices of these sizes."""
+    return sum(rows * (rows + 1) // 2 for rows in sizes)
 
 
 def read_enclosures(item: Item) -> EnclosureHints:

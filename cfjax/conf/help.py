@@ -71,7 +71,7 @@ def _keys(config: Mapping[str, Any]) -> Iterator[str]:
         written = [
             f"{name}.{key}={shown(value)}".lstrip(".").replace(" ", "\N{NO-BREAK SPACE}")
             for key, value in keys.items()
-            if not (name in GROUPS and name != "objective" and key in OWN)
+            if not (name in GROUPS and name in ("path", "vehicle") and key in OWN)
         ]
         text = textwrap.fill("  ".join(written), WIDTH, initial_indent="  ", subsequent_indent="  ")
         yield text.replace("\N{NO-BREAK SPACE}", " ")

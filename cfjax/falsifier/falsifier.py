@@ -120,7 +120,7 @@ def _without_nan(margins: Float[np.ndarray, "r f k"]) -> Float[np.ndarray, "r f 
 def require_question(problem: Problem, segment: Segment | Tube, funnel: Funnel) -> None:
     """Raises InputError unless the segment is one of the problem's path, and the funnel is of its states."""
     objects(problem=(problem, Problem), funnel=(funnel, Funnel))
-    if not any(segment is own or segment == own for own in problem.path.distinct):
+    if not any(isinstance(segment, type(own)) and segment == own for own in problem.path.distinct):
         refuse("segment", "one of problem.path.distinct", segment)
     require_fit(problem, [funnel])
 

@@ -16,6 +16,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from cfjax import coerce
+from cfjax.coerce import Numbers
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint, affine_deviation, feedforward
 from cfjax.problem.vehicle import Interval, Scalar, Twist, Vehicle
@@ -75,10 +76,10 @@ class LinearLaw(FeedbackLaw):
 
     name: ClassVar[str] = "linear"
 
-    def __post_init__(self) -> None:
-        gain = None if self.gain is None else coerce.array("law.gain", self.gain, (None, None)).tolist()
-        centre = None if self.centre is None else coerce.array("law.centre", self.centre, (None,)).tolist()
-        coerce.keep(self, gain=gain and tuple(map(tuple, gain)), centre=centre and tuple(centre))
+    def __init__(self, gain: Numbers | None = None, centre: Numbers | None = None) -> None:
+        rows = None if gain is None else coerce.array("law.gain", gain, (None, None)).tolist()
+        rest = None if centre is None else coerce.array("law.centre", centre, (None,)).tolist()
+        coerce.keep(self, gain=rows and tuple(map(tuple, rows)), centre=rest and tuple(rest))
 
     def inputs(self, vehicle: Vehicle, x: Sequence[Scalar], reference: ReferencePoint) -> tuple[Scalar, ...]:
         assert self.gain is not None and self.centre is not None  # `fitted` has set them

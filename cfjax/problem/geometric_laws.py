@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from cfjax import coerce
+from cfjax.coerce import Number
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint
 from cfjax.problem.feedback import Asked, FeedbackLaw
@@ -39,8 +40,9 @@ class GeometricLaw(FeedbackLaw):
 
     keeps_time: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        coerce.keep(self, speed_gain=coerce.number("law.speed_gain", self.speed_gain, "1/s", least=0))
+    def __init__(self, speed_gain: Number = 2.0, curvature: Number | None = None) -> None:
+        bend = None if curvature is None else coerce.number("law.curvature", curvature, "1/m")
+        coerce.keep(self, speed_gain=coerce.number("law.speed_gain", speed_gain, "1/s", least=0), curvature=bend)
 
     def fitted(self, asked: Asked) -> "GeometricLaw":
         if asked.vehicle.input_names not in STEERED or not hasattr(asked.vehicle, "wheelbase"):
@@ -87,10 +89,16 @@ class StanleyLaw(GeometricLaw):
 
     name: ClassVar[str] = "stanley"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        gain = coerce.number("law.gain", self.gain, "1/s")
-        coerce.keep(self, gain=gain, softening=coerce.number("law.softening", self.softening, "m/s"))
+    def __init__(
+        self,
+        speed_gain: Number = 2.0,
+        curvature: Number | None = None,
+        gain: Number = 2.0,
+        softening: Number = 0.3,
+    ) -> None:
+        super().__init__(speed_gain, curvature)
+        gain = coerce.number("law.gain", gain, "1/s")
+        coerce.keep(self, gain=gain, softening=coerce.number("law.softening", softening, "m/s"))
 
     def steering(
         self, heading: tuple[Scalar, Scalar], place: tuple[Scalar, Scalar], speed: Scalar, wheelbase: float
@@ -116,9 +124,9 @@ class PurePursuitLaw(GeometricLaw):
 
     name: ClassVar[str] = "pure_pursuit"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        coerce.keep(self, look_ahead=coerce.number("law.look_ahead", self.look_ahead, "s", above=0))
+    def __init__(self, speed_gain: Number = 2.0, curvature: Number | None = None, look_ahead: Number = 0.45) -> None:
+        super().__init__(speed_gain, curvature)
+        coerce.keep(self, look_ahead=coerce.number("law.look_ahead", look_ahead, "s", above=0))
 
     def steering(
         self, heading: tuple[Scalar, Scalar], place: tuple[Scalar, Scalar], speed: Scalar, wheelbase: float

@@ -336,8 +336,8 @@ class Path:
     @property
     def steady_reference(self) -> ReferencePoint | None:
         """The one reference of a straight line or a circle at constant speed; None of another path."""
-        first, *others = self.distinct
-        return None if others or isinstance(first, Tube) or not first.is_steady else first.point(0.0)
+        steady = [segment for segment in self.curve if segment.is_steady and len(self.distinct) == 1]
+        return steady[0].point(0.0) if steady else None
 
     @cached_property
     def closed(self) -> bool:

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float, Int
 from cfjax.coerce import instances, objects, whole
 from cfjax.control import Given, Law, MinNorm
 from cfjax.control.legs import MEETS, leg_arrays
+from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Leg, Template
 from cfjax.problem import Problem, Vehicle
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
@@ -292,8 +293,11 @@ def drive_cars(
     Raises:
         InputError: where the legs do not lead along the path, or their funnels have several templates.
     """
+    objects(problem=(problem, Problem))
     if problem.path.tube:
         (leg,) = instances("legs", legs, Leg)
+        if leg.margin_per_metre <= 0:
+            raise InputError("legs: expected one with a margin per metre, as tubes have, got one without")
         return drive_tube_cars(problem, leg.funnel, leg.margin, leg.margin_per_metre, cars=cars, seed=seed)
     asked = _launch(problem, legs, cars, seed, law)
     (last, _, clear), history = asked.answer()

@@ -14,7 +14,7 @@ from cfjax.certificate.rounding import round_funnel
 from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
-from cfjax.funnel.instance import Stretch
+from cfjax.funnel.instance import Span
 from cfjax.problem import Interval, Path, Pose, Problem, Profile, ReferencePoint, Segment, Tube, ball, deviation_rate
 from cfjax.solver import solver_named
 from cfjax.verdict import Verdict
@@ -42,10 +42,10 @@ def bend() -> tuple[Problem, Segment, Funnel]:
     return Problem(Path("bend", (segment,)), inlet=ball(0.3), goal=ball(0.5)), segment, funnel
 
 
-def stretch_of(segment: Segment, begin: float, end: float) -> Stretch:
+def stretch_of(segment: Segment, begin: float, end: float) -> Span:
     theta = np.linspace(begin, end, 999)
     kappa = segment.turn_rate.polynomial(theta)
-    return Stretch(begin, end, Tube(Interval(float(kappa.min()), float(kappa.max())), Interval(1.0, 1.0)))
+    return Span(begin, end, Tube(Interval(float(kappa.min()), float(kappa.max())), Interval(1.0, 1.0)))
 
 
 def margins(problem: Problem, segment: Segment, funnel: Funnel, ends: list[tuple], seed: int = 0) -> np.ndarray:
@@ -57,7 +57,7 @@ def margins(problem: Problem, segment: Segment, funnel: Funnel, ends: list[tuple
     return np.concatenate(found)[: len(ends)]
 
 
-def slow_margin(problem: Problem, funnel: Funnel, stretch: Stretch, count: int) -> float:
+def slow_margin(problem: Problem, funnel: Funnel, stretch: Span, count: int) -> float:
     """Least margin over random deviations of the shell, each at its worst curvature and θ: what anyone would write.
 
     Steering has no authority where V_α = 0, thrust none where V_v = 0: a part of the points lies there.

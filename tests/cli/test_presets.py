@@ -17,13 +17,13 @@ from cfjax.problem import (
     Method,
     Polygon,
     Tube,
-    curves,
     ellipse,
     figure_eight,
     obstacle_path,
     oval,
     waypoints,
 )
+from cfjax.problem import slalom as slalom_curve
 from tests.shapes import eight, racing_line, slalom
 
 
@@ -104,7 +104,7 @@ BUILDERS = {
     "oval": oval,
     "ellipse": ellipse,
     "figure_eight": figure_eight,
-    "slalom": curves.slalom,
+    "slalom": slalom_curve,
     "obstacle": obstacle_path,
     "obstacle_tight": obstacle_path,
     "waypoints": waypoints,
@@ -129,7 +129,7 @@ def test_numbers_are_keys_of_the_path() -> None:
         (
             "slalom",
             ["path.length=9", "path.amplitude=0.3", "path.periods=2", "path.speed=1.5"],
-            curves.slalom(9.0, 0.3, 2, 1.5),
+            slalom_curve(9.0, 0.3, 2, 1.5),
         ),
         ("obstacle", ["path.speed=1.5"], obstacle_path(1.5)),
     ):

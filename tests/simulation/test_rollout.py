@@ -313,7 +313,7 @@ def test_legs_that_do_not_fit_are_refused() -> None:
     held = second._replace(funnel=Funnel(Paper(), SHAPE, 0.0, np.inf))
     assert drive_cars(Problem(oval()), [first, held], cars=3)[0].missed_goal == 0
     wide = Problem(tube(0.5), inlet=ball(0.1), goal=ball(0.3))
-    refused([LEG], "expected segments, got a tube", wide)
+    refused([LEG], "expected one with a margin per metre", wide)
 
 
 # --- counting
