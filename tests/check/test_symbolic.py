@@ -187,3 +187,18 @@ def test_functions_of_some_of_the_inputs() -> None:
     graph = Graph(tuple(nodes), (5, 6))
     assert graph.functions_of(("x",)) == {3: "sin", 5: "cos"}
     assert graph.functions_of(("r",)) == {2: "sqrt", 5: "cos", 6: "tan"}
+
+
+def test_nested_quotients_stay_short() -> None:
+    """x ← 1/(3 + x)^40, many times over: exact ranges would have millions of digits."""
+    nodes = [Node("input", name="x"), Node("constant", value=fmpq(3))]
+    last = 0
+    for _ in range(6):
+        nodes += [Node("add", (1, last)), Node("inv", (len(nodes),))]
+        last = len(nodes) - 1
+        for _ in range(5):  # its power 32
+            nodes.append(Node("mul", (last, last)))
+            last = len(nodes) - 1
+    dynamics = symbolic(Graph(tuple(nodes), (last,)), ("x",), ())
+    size = dynamics.size(dynamics.rates[0], {"x": (fmpq(0), fmpq(1))})
+    assert float(3**32 * size) == pytest.approx(1, rel=1e-6) and size.height_bits() < 4000

@@ -20,10 +20,10 @@ from cfjax.check.bounds import Bounds
 from cfjax.check.held_ranges import SampledClaim
 from cfjax.check.replay import WITHOUT_PERIOD as LESS
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
-from cfjax.errors import InputError
+from cfjax.errors import InputError, NotWritten
 from cfjax.problem import Frame, Interval, Tube
 from cfjax.report.result_json import result_json, result_of
-from cfjax.report.run_folder import Asked, Check, confirmed, read_frame, read_run, write_run
+from cfjax.report.run_folder import Asked, Check, _write_without_period, confirmed, read_frame, read_run, write_run
 from cfjax.result import Absorbed, Result, Sampled, SegmentResult, StretchMargin
 from cfjax.result import Robustness as Robust
 from cfjax.verdict import Verdict
@@ -468,6 +468,36 @@ def test_hints_of_the_period_that_the_checker_refuses_take_nothing_else_along(ha
     written = write_run(claimed, tmp_path, config, check=refuses, harden=lambda _: whole, asked=asked_of(0.02))
     assert written.verdict is Verdict.INCONCLUSIVE and "V does not fall as stated" in written.message
     assert confirmed(read_run(tmp_path / LESS), tmp_path / LESS, refuses).robustness is not None
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, OSError])
+def test_what_stops_the_run_without_the_period_leaves_nothing_certified(
+    stop: type[BaseException], hand_made: Make, tmp_path: Path
+) -> None:
+    def unproven(_: Result) -> Hints:
+        return Hints({"hints": []}, lack="nothing was found")
+
+    def fails(*_: object, **__: object) -> Result:
+        raise stop
+
+    claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
+    config = yaml_of(preset("circle", ["period=0.02"]))
+    with pytest.MonkeyPatch.context() as patch, pytest.raises((KeyboardInterrupt, NotWritten)):
+        patch.setattr("cfjax.report.run_folder._write_without_period", fails)
+        write_run(claimed, tmp_path, config, check=checked, harden=unproven, asked=asked_of(0.02))
+    data = json.loads((tmp_path / "result.json").read_text())
+    assert data["verdict"] == "inconclusive" and data["margin"]["certified"] is None
+
+
+def test_a_run_without_the_period_that_is_not_written_leaves_no_certificate(hand_made: Make, tmp_path: Path) -> None:
+    def again(*_: object, **__: object) -> Result:
+        raise KeyboardInterrupt
+
+    (tmp_path / "certificate.json").write_text("{}")
+    proven = hand_made(problem_of(preset("circle")), **CLAIMS)
+    with pytest.raises(KeyboardInterrupt):
+        _write_without_period(asked_of(0.02), proven, tmp_path, again)
+    assert not (tmp_path / "certificate.json").exists()
 
 
 def test_ctrl_c_before_the_period_is_proven_certifies_nothing(hand_made: Make, tmp_path: Path) -> None:
