@@ -472,7 +472,7 @@ def test_hints_of_the_period_that_the_checker_refuses_take_nothing_else_along(ha
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, OSError])
 def test_what_stops_the_run_without_the_period_leaves_nothing_certified(
-    stop: type[BaseException], hand_made: Make, tmp_path: Path
+    stop: type[BaseException], hand_made: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unproven(_: Result) -> Hints:
         return Hints({"hints": []}, lack="nothing was found")
@@ -482,8 +482,8 @@ def test_what_stops_the_run_without_the_period_leaves_nothing_certified(
 
     claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
     config = yaml_of(preset("circle", ["period=0.02"]))
-    with pytest.MonkeyPatch.context() as patch, pytest.raises((KeyboardInterrupt, NotWritten)):
-        patch.setattr("cfjax.report.run_folder._write_without_period", fails)
+    monkeypatch.setattr("cfjax.report.run_folder._write_without_period", fails)
+    with pytest.raises((KeyboardInterrupt, NotWritten)):
         write_run(claimed, tmp_path, config, check=checked, harden=unproven, asked=asked_of(0.02))
     data = json.loads((tmp_path / "result.json").read_text())
     assert data["verdict"] == "inconclusive" and data["margin"]["certified"] is None
