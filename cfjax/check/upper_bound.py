@@ -120,10 +120,10 @@ class Row:
 
     def __post_init__(self) -> None:
         problem, vehicle = self.problem, self.problem.vehicle
-        if not problem.is_steady or problem.is_lap or len(problem.reference.pieces) != 1:
-            raise Broken("bound: expected a path at constant speed and turning rate, and no lap")
-        if self.profile["turn_rate"] or not self.profile["speed"] > 0:
-            raise Broken("bound: expected a straight line at a speed above zero")
+        if not problem.is_steady or problem.is_lap or len(problem.reference.pieces) != 1 or self.profile["turn_rate"]:
+            raise Broken("bound: expected a straight line at constant speed, and no lap")
+        if not self.profile["speed"] > 0:
+            raise Broken("bound: expected a speed above zero")
         if vehicle.states[:3] != POSE or len(vehicle.states) != 4:
             raise Broken("bound: expected a vehicle with the states alpha, x, y and one more")
         if problem.inlet is None or problem.goal is None:
