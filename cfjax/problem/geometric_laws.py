@@ -9,6 +9,7 @@ frame lies beside the place that is turned by φ from it, and e to the right of 
 (on a straight line φ = 0 and e = px). `cfjax.baselines` has the same laws on any path, found by Newton's method.
 """
 
+import abc
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -58,11 +59,11 @@ class GeometricLaw(FeedbackLaw):
         w = self.steering((jnp.cos(alpha), jnp.sin(alpha)), (px, py), speed, wheelbase)
         return (w, *(-self.speed_gain * v for v in internal))
 
+    @abc.abstractmethod
     def steering(
         self, heading: tuple[Scalar, Scalar], place: tuple[Scalar, Scalar], speed: Scalar, wheelbase: float
     ) -> Scalar:
         """w, left positive; `heading` is the cosine and the sine of the heading's deviation, lengths are in m."""
-        raise NotImplementedError
 
     def _beside(self, px: Scalar, py: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """a, b and ρ; of a straight line 1, 0, 1."""

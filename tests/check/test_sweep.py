@@ -14,7 +14,10 @@ from cfjax.check.sweep import UNIT, Hull, Nearby, Sweep, length_of
 
 def some_sweep(rng: np.random.Generator) -> Sweep:
     """A piece of some metres with a bend that may change its sign, a correlated funnel, a disc off the axle."""
-    q = lambda value: fmpq(round(1024 * float(value)), 1024)  # noqa: E731
+
+    def q(value: float) -> fmpq:
+        return fmpq(round(1024 * float(value)), 1024)
+
     turn = tuple(q(value) for value in rng.normal(size=3) * (0.6, 0.5, 0.2))
     speed = (q(rng.uniform(0.5, 3.0)), q(rng.normal() * 0.2))
     piece = Piece(0, q(rng.uniform(0, 2)), q(rng.uniform(0.2, 1.5)), turn, speed, fmpq(0))
@@ -35,7 +38,9 @@ def swept(sweep: Sweep, rng: np.random.Generator, cars: int) -> np.ndarray:
     step = np.diff(t) / 6
 
     def moved(direction):
-        values = lambda at: speed(at) * direction(float(sweep.start.heading) + turn.integ()(at))  # noqa: E731
+        def values(at: np.ndarray) -> np.ndarray:
+            return speed(at) * direction(float(sweep.start.heading) + turn.integ()(at))
+
         middle = (t[1:] + t[:-1]) / 2
         return np.concatenate([[0.0], np.cumsum(step * (values(t[:-1]) + 4 * values(middle) + values(t[1:])))])
 

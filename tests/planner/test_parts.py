@@ -3,6 +3,7 @@
 import cmath
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,8 +67,9 @@ def test_a_map_knows_its_parts_and_walls() -> None:
     ],
 )  # fmt: skip
 def test_what_is_no_map_is_refused(entries: object, bounds: object, message: str) -> None:
+    wrong: dict[str, Any] = {"obstacles": entries, "bounds": bounds}
     with pytest.raises(InputError, match=message):
-        Map(entries, bounds)  # type: ignore[arg-type]
+        Map(**wrong)
 
 
 def test_the_field_has_shapelys_distances() -> None:

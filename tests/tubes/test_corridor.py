@@ -219,7 +219,10 @@ def test_edges_that_cross_and_paths_that_leave_are_placed() -> None:
     path = circle(3.0, 1.0)
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     middle = path.curve[0].poses(np.linspace(0, path.curve[0].duration, 200))[:-1, 1:].mean(axis=0)
-    ring = lambda radius: middle + np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)  # noqa: E731
+
+    def ring(radius: float) -> np.ndarray:
+        return middle + np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
     inner, outer = ring(2.0), ring(4.0)
     first = shapely.Point(path.curve[0].start[1:])
     turns_left = path.curve[0].turn_rate.values(np.zeros(1))[0] > 0
