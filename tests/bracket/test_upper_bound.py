@@ -119,6 +119,23 @@ def test_unknowns_say_whether_a_candidate_satisfies_a_and_b(c0: float) -> None:
     assert seen == {True, False}
 
 
+def test_a_box_of_one_candidate_is_empty_where_a_condition_fails() -> None:
+    """Both forms of what (a) and (b) ask say the same, on either side of the boundary."""
+    rng, question = np.random.default_rng(7), row()
+    seen = set()
+    for _ in range(300):
+        low, high = (np.array([float(end[k]) for end in question.root]) for k in (0, 1))
+        candidate = [fmpq(round(1024 * value), 1024) for value in rng.uniform(low, high)]
+        unknown = [Dual(constant(value, 0).value, ()) for value in candidate]
+        conditions = [condition.value for condition in question.conditions(unknown, lambda value: constant(value, 0))]
+        box = tuple((value, value) for value in candidate)
+        for block in (0, 1):
+            holds = all(condition > 0 for condition in conditions[3 * block : 3 * block + 3])
+            assert question.is_empty(box, block) is not holds
+            seen.add(holds)
+    assert seen == {True, False}
+
+
 def test_the_rate_at_a_place_is_that_of_the_dynamics() -> None:
     """V̇ by the unknowns, against ∇V · f at the deviation itself, with any steering and thrust."""
     bound = read_upper_bound(parsed())
