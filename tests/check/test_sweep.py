@@ -6,9 +6,11 @@ from flint import acb, arb, fmpq
 
 from cfjax.certificate.hulls import Along, Disc, reaches
 from cfjax.check.clearance import FootprintClaim, ObstacleClaim, Shadow
+from cfjax.check.enclosure import Budget
 from cfjax.check.level import Contracting
 from cfjax.check.piece import Piece
 from cfjax.check.reference import ExactPose
+from cfjax.check.surroundings import Body
 from cfjax.check.sweep import UNIT, Hull, Nearby, Sweep, length_of
 
 
@@ -123,3 +125,18 @@ def test_hulls_in_whole_numbers_are_larger_than_the_true_ones() -> None:
             if h.box[0] <= box[2] and h.box[2] >= box[0] and h.box[1] <= box[3] and h.box[3] >= box[1]
         }
         assert {hull.number for hull in nearby.meeting(box)} == own
+
+
+def test_discs_and_long_numbers_are_paid_for_where_nothing_is_near() -> None:
+    """A file may have many parts: each has to cost what looking at it takes."""
+    sweep = some_sweep(np.random.default_rng(1))
+
+    def spent(count: int, digits: int = 1) -> int:
+        shape = [[entry * (1 + fmpq(1, 10**digits)) for entry in row] for row in sweep.shadow.shape]
+        shadow = Shadow(shape, sweep.shadow.level, sweep.shadow.disc)
+        budget = Budget(10**9)
+        Body((shadow,) * count, Nearby([]), budget).left_open(sweep.piece, sweep.start, sweep.end, [])
+        return 10**9 - budget.left
+
+    assert spent(8) - spent(1) == 7 * (spent(2) - spent(1)) > 0
+    assert spent(1, digits=2000) - spent(1) > 10 * (spent(2) - spent(1))
