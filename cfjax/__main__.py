@@ -10,7 +10,7 @@ import sys
 
 COMMANDS = {
     "train": ("cfjax.train", "look for a certified funnel along a path, or sweep over many"),
-    "check": ("cfjax.check.__main__", "replay the proof of a run exactly"),
+    "check": ("cfcheck.__main__", "replay the proof of a run exactly"),
     "follow": ("cfjax.tubes.__main__", "prove a path of points by the tubes of the package"),
     "plan": ("cfjax.planner.__main__", "find a path through a map, and prove that a car on it is clear"),
     "simulate": (

@@ -1,7 +1,7 @@
 """A path in exact numbers: what its floating-point profiles stand for, as the checker reads them.
 
 Decimals are taken as they print, which leaves the pieces of a spline a rounding apart. Speeds are made continuous by
-the constant terms of later pieces, poses follow by integration from the first one (`cfjax.check.reference`); what
+the constant terms of later pieces, poses follow by integration from the first one (`cfcheck.path.reference`); what
 misses by more than rounding is refused.
 """
 
@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 from flint import acb, arb, fmpq
 
-from cfjax.check.bounds import Bounds
-from cfjax.check.clearance import FootprintClaim, ObstacleClaim
-from cfjax.check.piece import Piece
-from cfjax.check.polynomial import Coefficients, evaluate, shifted
-from cfjax.check.rational import decimal_text, rational, upper_bound
-from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
-from cfjax.check.surroundings import Clearance, Surroundings, WallClaim
+from cfcheck.claims.surroundings import Clearance, Surroundings, WallClaim
+from cfcheck.exact.polynomial import Coefficients, evaluate, shifted
+from cfcheck.exact.rational import decimal_text, rational, upper_bound
+from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
+from cfcheck.path.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
 from cfjax.errors import InputError
 from cfjax.problem import FootprintDisc, Interval, Obstacle, Tube, Wall
 from cfjax.problem.path import Path, Segment

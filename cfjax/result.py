@@ -117,7 +117,8 @@ class Sampled:
 
 @dataclass(frozen=True)
 class Robustness:
-    """What certified funnels absorb under a law that inherits the certificate: proven (`cfjax.check.robustness`).
+    """What certified funnels absorb under a law that inherits the certificate: proven
+    (`cfcheck.robustness.rate_bounds`).
 
     `alone` has each by itself, of disturbance and pose error in one state at a time; `together` all at once. V stays
     below 1, where the pose has an error from starts below a level. Of a tube: under a law that reaches the margins for

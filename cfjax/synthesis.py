@@ -5,6 +5,10 @@ import sys
 import time
 from dataclasses import replace
 
+from cfcheck import check_document
+from cfcheck.reader import Broken
+from cfcheck.replay import check_robustness
+from cfcheck.vehicle.structure import has_tube_structure, require_tube_structure
 from cfjax import coerce
 from cfjax.ahead import compile_ahead
 from cfjax.certificate import Statement, proof_size, require_posable, require_room, robustness_of, statement_of
@@ -12,10 +16,6 @@ from cfjax.certificate.absorbed import held_to, with_amounts
 from cfjax.certificate.prover import NotProven
 from cfjax.certificate.robustness import Hints, with_holds
 from cfjax.certificate.trace import dynamics_of
-from cfjax.check import check_document
-from cfjax.check.reader import Broken
-from cfjax.check.replay import check_robustness
-from cfjax.check.structure import has_tube_structure, require_tube_structure
 from cfjax.clock import Clock
 from cfjax.errors import InputError, Interrupted
 from cfjax.funnel import template_named

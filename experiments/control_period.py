@@ -28,8 +28,8 @@ from rich.console import Console
 from rich.table import Table
 
 import cfjax
+from cfcheck.replay import check_document, check_robustness
 from cfjax.certificate import robustness_of
-from cfjax.check.replay import check_document, check_robustness
 from cfjax.conf.build import options_of, preset, problem_of
 from cfjax.control.law import LAW_SHARE
 from cfjax.falsifier import first_escape

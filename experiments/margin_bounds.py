@@ -9,9 +9,9 @@ import json
 import time
 
 import cfjax
+from cfcheck import check_document
 from cfjax.bracket import upper_bound
 from cfjax.certificate import dump
-from cfjax.check import check_document
 
 
 SHARES = (3.0, 1.5, 1.2, 1.1, 1.05)  # of the falsified margin, tried in turn

@@ -16,13 +16,13 @@ from dataclasses import replace
 import numpy as np
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
+from cfcheck.kernel.decrease import SteadyDecrease
+from cfcheck.path.bounds import Bounds
 from cfjax import Interval, KinematicBicycle
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.program import coefficients, program_of
 from cfjax.certificate.rounding import dyadic, round_funnel
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
-from cfjax.check.bounds import Bounds
-from cfjax.check.decrease import SteadyDecrease
 from cfjax.conf import preset, problem_of
 from cfjax.exact import exact_course
 from cfjax.funnel import template_named

@@ -11,12 +11,12 @@ import argparse
 import dataclasses
 from pathlib import Path
 
+from cfcheck.exact.rational import float_below
+from cfcheck.reader import Broken
+from cfcheck.replay import check_document, check_robustness
 from cfjax import InputError, Options, Vehicle
 from cfjax.certificate import robustness_of
 from cfjax.certificate.prover import NotProven
-from cfjax.check.rational import float_below
-from cfjax.check.reader import Broken
-from cfjax.check.replay import check_document, check_robustness
 from cfjax.conf import preset, problem_of
 from cfjax.problem import Box, Ellipsoid, KinematicBicycle, ball
 from cfjax.report.lines import AT_LEAST, markdown, write_lines

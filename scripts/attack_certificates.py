@@ -34,10 +34,10 @@ from certificate_truth import (
     worst_margin,
 )
 
-from cfjax.check import Outcome, Report, check_document
-from cfjax.check.document import document_hash
-from cfjax.check.reader import Unreadable, parse_json
-from cfjax.check.replay import CERTIFICATE_NAME
+from cfcheck import Outcome, Report, check_document
+from cfcheck.claims.document import document_hash
+from cfcheck.reader import Unreadable, parse_json
+from cfcheck.replay import CERTIFICATE_NAME
 
 
 Document = dict[str, Any]

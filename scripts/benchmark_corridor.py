@@ -21,8 +21,8 @@ from rich.table import Table
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
-from cfjax.check.document import read_certificate
-from cfjax.check.surroundings import prove_surroundings
+from cfcheck.claims.document import read_certificate
+from cfcheck.claims.surroundings import prove_surroundings
 from cfjax.problem import Disc, Wall
 from cfjax.problem.point_path import waypoints
 from cfjax.tubes import chain_document, follow

@@ -30,7 +30,7 @@ import jax
 import matplotlib.pyplot as plt
 import numpy as np
 
-from cfjax.check.program import monomials
+from cfcheck.kernel.program import monomials
 from cfjax.report.style import STYLE
 from cfjax.solver import Program, solver_named
 from cfjax.solver.clarabel import scaled_program

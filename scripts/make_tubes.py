@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
+from cfcheck.exact.rational import rational
 from cfjax import InputError, Interval, Options, Problem, Verdict, ball, synthesize, tube
 from cfjax.certificate.writing import dump
-from cfjax.check.rational import rational
 from cfjax.exact import exact_bounds
 from cfjax.progress import progress_on
 from cfjax.report.files import write_whole

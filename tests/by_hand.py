@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 from flint import acb, fmpq
 
-from cfjax.check import Outcome, Report
-from cfjax.check.amounts import Robustness
-from cfjax.check.bounds import Bounds, Range
-from cfjax.check.document import Claims, LegClaim
-from cfjax.check.funnel import LAW_SHARE, FunnelClaim
-from cfjax.check.graph import Graph
-from cfjax.check.level import Contracting
-from cfjax.check.piece import Piece
-from cfjax.check.problem import Course, ProblemClaim
-from cfjax.check.proven import Proven
-from cfjax.check.rational import rational
-from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.surroundings import Surroundings
-from cfjax.check.vehicle import STATES, VehicleClaim
+from cfcheck import Outcome, Report
+from cfcheck.claims.document import Claims, LegClaim
+from cfcheck.claims.funnel import LAW_SHARE, FunnelClaim
+from cfcheck.claims.problem import Course, ProblemClaim
+from cfcheck.claims.proven import Proven
+from cfcheck.claims.surroundings import Surroundings
+from cfcheck.exact.graph import Graph
+from cfcheck.exact.rational import Range, rational
+from cfcheck.kernel.level import Contracting
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
+from cfcheck.path.reference import ExactPose, Reference
+from cfcheck.robustness.amounts import Robustness
+from cfcheck.vehicle.model import STATES, VehicleClaim
 from cfjax.exact import StatedProfile, StatedSegment
 from cfjax.tubes.certified import CertifiedTube
 

@@ -11,10 +11,10 @@ from hypothesis import settings
 from jaxtyping import install_import_hook
 
 
-# Before the package is imported. The checker has no arrays, and millions of small calls on exact numbers: looking at
-# their types as well takes ten times as long as the proof.
+# Before the package is imported. Not of `cfcheck`: it has no arrays, and millions of small calls on exact numbers.
+# Looking at their types as well takes ten times as long as the proof.
 ROOMS = [module.name for module in pkgutil.iter_modules([str(Path(__file__).parents[1] / "cfjax")])]
-install_import_hook([f"cfjax.{room}" for room in ROOMS if room != "check"], "beartype.beartype")
+install_import_hook([f"cfjax.{room}" for room in ROOMS], "beartype.beartype")
 
 from cfjax.train import prepare_environment  # noqa: E402
 

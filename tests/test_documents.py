@@ -109,5 +109,6 @@ def test_a_key_that_nothing_describes_is_refused() -> None:
 
 def test_whoever_reads_the_checker_is_led_through_all_of_it() -> None:
     page = (ROOT / "docs" / "reading-the-checker.md").read_text()
-    modules = {path.name for path in (ROOT / "cfjax" / "check").glob("*.py") if not path.name.startswith("__")}
+    package = ROOT / "cfcheck"
+    modules = {f.relative_to(package).as_posix() for f in package.rglob("*.py") if not f.name.startswith("__")}
     assert {module for module in modules if page.count(f"`{module}`") != 1} == set()

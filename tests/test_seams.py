@@ -12,12 +12,11 @@ import pytest
 from flint import arb, arb_series, fmpq
 
 import cfjax
+from cfcheck import Outcome, check_document
+from cfcheck.exact.rational import Range, exp_bounds, sqrt_upper
+from cfcheck.kernel.level import LEVELS, Level, LevelPiece
+from cfcheck.replay import stated_and_proven
 from cfjax.certificate import certify, proof_size, refute, robustness_of, statement_of
-from cfjax.check import Outcome, check_document
-from cfjax.check.bounds import Range
-from cfjax.check.level import LEVELS, Level, LevelPiece
-from cfjax.check.rational import exp_bounds, sqrt_upper
-from cfjax.check.replay import stated_and_proven
 from cfjax.conf import options_of, preset, problem_of
 from cfjax.conf.build import command_vehicle
 from cfjax.errors import InputError

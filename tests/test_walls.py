@@ -21,7 +21,7 @@ HEADING = "| room | what it is for | may import |"
 
 
 class Room(NamedTuple):
-    """A row of the table: paths from the package's folder, and of each room it may import the modules, or all."""
+    """A row of the table: paths, and of each room it may import the modules, or all."""
 
     paths: tuple[str, ...]
     may: dict[str, tuple[str, ...]]
@@ -34,7 +34,7 @@ def read_rooms(document: str) -> dict[str, Room]:
     for row in rows:
         first, _, last = (cell.strip() for cell in row.strip("|").split(" | "))
         paths = tuple(
-            path.rstrip("/").removesuffix(".py") for path in re.findall(r"`cfjax/([\w/]+?(?:/|\.py))`", first)
+            path.rstrip("/").removesuffix(".py") for path in re.findall(r"`(?:cfjax/)?([\w/]+?(?:/|\.py))`", first)
         )
         name = first.partition(":")[0] if ":" in first else paths[0]
         entries = re.findall(r"([\w/]+)(?: \(([^)]*)\))?", last)
@@ -44,12 +44,13 @@ def read_rooms(document: str) -> dict[str, Room]:
 
 
 def path_of(file: Path) -> str:
-    """Where a module lies in the package, without suffix; of a package its folder."""
-    path = file.relative_to(ROOT / "cfjax").with_suffix("").as_posix()
-    return path.removesuffix("/__init__")
+    """Where a module lies, from `cfjax` or beside it, without suffix; of a package its folder."""
+    path = file.relative_to(ROOT).with_suffix("").as_posix()
+    return path.removeprefix("cfjax/").removesuffix("/__init__")
 
 
-MODULES = {path_of(file): file for file in sorted((ROOT / "cfjax").rglob("*.py"))}
+PACKAGES = ("cfcheck", "cfjax")
+MODULES = {path_of(file): file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))}
 
 
 def room_of(module: str, rooms: dict[str, Room]) -> str | None:
@@ -68,7 +69,7 @@ def lazy_homes(package: str) -> dict[str, str]:
 
 def module_named(dotted: str) -> str:
     """The module of the package that a dotted name, `cfjax.problem.path.Path`, leads to."""
-    names = dotted.split(".")[1:]
+    names = dotted.removeprefix("cfjax.").split(".") if dotted != "cfjax" else []
     module = max((path for k in range(len(names) + 1) if (path := "/".join(names[:k])) in MODULES), key=len, default="")
     if not module and names and names[0] in lazy_homes("__init__"):
         return lazy_homes("__init__")[names[0]]
@@ -97,7 +98,7 @@ def imports_of(tree: ast.AST) -> Iterator[tuple[int, str]]:
 def taken(source: str) -> list[tuple[int, str]]:
     """Line and module of all that a source takes from the package."""
     named = imports_of(ast.parse(source))
-    return sorted({(line, module_named(dotted)) for line, dotted in named if dotted.split(".")[0] == "cfjax"})
+    return sorted({(line, module_named(dotted)) for line, dotted in named if dotted.split(".")[0] in PACKAGES})
 
 
 def crossings(module: str, source: str, rooms: dict[str, Room]) -> Iterator[str]:
@@ -113,7 +114,9 @@ def crossings(module: str, source: str, rooms: dict[str, Room]) -> Iterator[str]
 
 
 def is_allowed(room: Room, other: str, target: str) -> bool:
-    return other in room.may and (not room.may[other] or target.removeprefix(f"{other}/") in room.may[other])
+    """A row that allows a folder allows the rows within it."""
+    named = max((each for each in room.may if f"{other}/".startswith(f"{each}/")), key=len, default=None)
+    return named is not None and (not room.may[named] or target.removeprefix(f"{named}/") in room.may[named])
 
 
 @pytest.fixture(scope="module")
@@ -129,10 +132,13 @@ def test_no_wall_is_crossed(rooms: dict[str, Room]) -> None:
 def test_no_door_is_unused(rooms: dict[str, Room]) -> None:
     """A row says no more than what is imported: else it would allow what nobody has thought of."""
     used = {
-        (room_of(module, rooms), room_of(target, rooms), detail)
+        (own, other, detail)
         for module, file in MODULES.items()
         for _, target in taken(file.read_text())
-        for detail in (None, target.removeprefix(f"{room_of(target, rooms)}/"))
+        for own in [room_of(module, rooms)]
+        for other in (rooms[own].may if own else ())
+        if f"{target}/".startswith(f"{other}/") or room_of(target, rooms) == other
+        for detail in (None, target.removeprefix(f"{other}/"))
     }
     allowed = {
         (name, other, module)

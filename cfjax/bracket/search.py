@@ -1,8 +1,8 @@
 """The search for a proof that no funnel of the paper's form has a margin: branch and bound over its five unknowns.
 
-What is shown, and why it suffices, says `cfjax.check.upper_bound`. Here boxes are cut until weights are found for which
-a leaf holds. They solve a small linear program: the weighted sum in the middle of the box, less what its derivatives,
-as intervals, can take away from there, is made as large as possible.
+What is shown, and why it suffices, says `cfcheck.margin.upper_bound`. Here boxes are cut until weights are found for
+which a leaf holds. They solve a small linear program: the weighted sum in the middle of the box, less what its
+derivatives, as intervals, can take away from there, is made as large as possible.
 """
 
 import itertools
@@ -15,14 +15,10 @@ from flint import fmpq
 from jaxtyping import Float
 from scipy.optimize import linprog
 
-from cfjax.bracket.interval import Interval, Lift, unknowns
-from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import write_problem
-from cfjax.check.problem import read_problem
-from cfjax.check.proof import dynamics_of
-from cfjax.check.rational import rational
-from cfjax.check.reader import Broken
-from cfjax.check.upper_bound import (
+from cfcheck.claims.problem import read_problem
+from cfcheck.claims.proof import dynamics_of
+from cfcheck.exact.rational import rational
+from cfcheck.margin.upper_bound import (
     UNKNOWNS,
     Box,
     Cut,
@@ -35,7 +31,11 @@ from cfjax.check.upper_bound import (
     halves,
     leaf_holds,
 )
-from cfjax.check.upper_bound_file import write_upper_bound
+from cfcheck.margin.upper_bound_file import write_upper_bound
+from cfcheck.reader import Broken
+from cfjax.bracket.interval import Interval, Lift, unknowns
+from cfjax.certificate.trace import trace_deviation
+from cfjax.certificate.writing import write_problem
 from cfjax.coerce import instance, number, whole
 from cfjax.errors import InputError
 from cfjax.problem import Problem

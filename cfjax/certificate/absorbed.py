@@ -4,11 +4,11 @@ import dataclasses
 
 from flint import fmpq
 
-from cfjax.check import Report
-from cfjax.check.amounts import Absorbed as ProvenAmounts
-from cfjax.check.amounts import Robustness as Proven
-from cfjax.check.held_ranges import SampledClaim
-from cfjax.check.rational import float_below, rational
+from cfcheck import Report
+from cfcheck.exact.rational import float_below, rational
+from cfcheck.robustness.amounts import Absorbed as ProvenAmounts
+from cfcheck.robustness.amounts import Robustness as Proven
+from cfcheck.robustness.ranges import SampledClaim
 from cfjax.exact import tube_within
 from cfjax.result import Absorbed, Result, Robustness, Sampled
 from cfjax.rounded import MILLI, margin_text, rounded_down

@@ -1,4 +1,4 @@
-"""The largest amounts that proven bounds allow (`cfjax.check.amounts`): sought here, and verified by the checker."""
+"""The largest amounts that proven bounds allow (`cfcheck.robustness.amounts`); the checker verifies them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,8 +7,8 @@ from typing import Any
 
 from flint import fmpq
 
-from cfjax.check.amounts import MOST, Absorbed, BoundsOver, Keeps, Rates, Stated, least_level
-from cfjax.check.rational import float_below
+from cfcheck.exact.rational import float_below
+from cfcheck.robustness.amounts import MOST, Absorbed, BoundsOver, Keeps, Rates, Stated, least_level
 
 
 PERIOD, DISTURBANCE, POSE, DELAY = (fmpq(part, 10) for part in (4, 2, 2, 2))  # of λ', where all come together

@@ -6,11 +6,11 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 from flint import fmpq
 
+from cfcheck.claims.legs import Leg
+from cfcheck.exact.rational import Range, float_below, rational
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
 from cfjax.certificate.stretches import bounded
-from cfjax.check.bounds import Bounds, Range
-from cfjax.check.legs import Leg
-from cfjax.check.piece import Piece
-from cfjax.check.rational import float_below, rational
 
 
 STEP = Decimal("1e-6")  # to which bounds are rounded

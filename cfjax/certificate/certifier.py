@@ -1,6 +1,6 @@
 """The certifier: a numerical proof of a path's funnels made exact, stretch by stretch, and put into a document.
 
-Every cell of a stretch's shell (`cfjax.check.decrease`) is one semidefinite program. Its solution is a hint: padded,
+Every cell of a stretch's shell (`cfcheck.kernel.decrease`) is one semidefinite program. Its solution is a hint: padded,
 rounded to short rationals and replayed in exact arithmetic, which alone decides what margin it proves. What the solver
 calls its answer matters only for what is tried: a rounded solution that the exact replay accepts is a proof whoever
 made it.
@@ -16,25 +16,25 @@ from typing import Any, NamedTuple
 
 from flint import fmpq
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import Claims, LegClaim
+from cfcheck.claims.hints import MOST_GRAM_ENTRIES
+from cfcheck.claims.legs import Joint, from_zero, gaps
+from cfcheck.claims.meaning import require_meaning
+from cfcheck.claims.problem import ProblemClaim, read_problem
+from cfcheck.claims.proof import prove_sets
+from cfcheck.exact.graph import Graph
+from cfcheck.exact.rational import float_below
+from cfcheck.exact.symbolic import symbolic
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
+from cfcheck.reader import Broken, Unreadable
 from cfjax.certificate.clearance import NotClear, find_clearance
 from cfjax.certificate.joints import widest_ratio
 from cfjax.certificate.prover import Means, NotProven, Progress, Prover, StretchProof, place_on
 from cfjax.certificate.rounding import RoundedFunnel, round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_decrease, write_funnel, write_problem
-from cfjax.check import Outcome, check_document
-from cfjax.check.bounds import Bounds
-from cfjax.check.document import Claims, LegClaim
-from cfjax.check.graph import Graph
-from cfjax.check.hints import MOST_GRAM_ENTRIES
-from cfjax.check.legs import Joint, from_zero, gaps
-from cfjax.check.meaning import require_meaning
-from cfjax.check.piece import Piece
-from cfjax.check.problem import ProblemClaim, read_problem
-from cfjax.check.proof import prove_sets
-from cfjax.check.rational import float_below
-from cfjax.check.reader import Broken, Unreadable
-from cfjax.check.symbolic import symbolic
 from cfjax.coerce import function, instances, number, objects, whole
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, write_clearance

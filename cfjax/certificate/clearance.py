@@ -4,10 +4,11 @@ At one θ the clearance along a unit normal n is min_c n·c − R − r − h(n)
 function of n it is concave and homogeneous, so that where it is positive for some direction it has one peak, which a
 fan of directions finds.
 
-The checker's bound of first order (`cfjax.check.sweep`) is cheap, and serves all hulls: `reaches` is the same formula
-on arrays, for all pieces of a path and all directions of the fan at once. A piece on which some direction separates
-each hull by it is done; pieces that follow each other share their normals as long as these do. Where a hull is nearer
-than that, the piece is looked at by samples, cut where directions have to change, and the checker looks closely.
+The checker's bound of first order (`cfcheck.kernel.sweep`) is cheap, and serves all hulls: `reaches` is the same
+formula on arrays, for all pieces of a path and all directions of the fan at once. A piece on which some direction
+separates each hull by it is done; pieces that follow each other share their normals as long as these do. Where a hull
+is nearer than that, the piece is looked at by samples, cut where directions have to change, and the checker looks
+closely.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,12 +18,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cfjax.certificate.hulls import FAN, Along, Disc, Fan, Hulls, levels_of, rows_of
-from cfjax.check.enclosure import Budget
-from cfjax.check.legs import Leg
-from cfjax.check.piece import Piece
-from cfjax.check.reference import ExactPose
-from cfjax.check.surroundings import (
+from cfcheck.claims.legs import Leg
+from cfcheck.claims.surroundings import (
     CLEARANCE_EFFORT,
     MOST_NORMALS,
     Blocked,
@@ -32,7 +29,11 @@ from cfjax.check.surroundings import (
     Surroundings,
     shadows_of,
 )
-from cfjax.check.sweep import Nearby, Normal
+from cfcheck.exact.enclosure import Budget
+from cfcheck.kernel.sweep import Nearby, Normal
+from cfcheck.path.piece import Piece
+from cfcheck.path.reference import ExactPose
+from cfjax.certificate.hulls import FAN, Along, Disc, Fan, Hulls, levels_of, rows_of
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
 

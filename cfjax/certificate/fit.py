@@ -8,8 +8,8 @@ from flint import fmpq
 from numpy.polynomial import Polynomial
 from numpy.polynomial.chebyshev import Chebyshev
 
+from cfcheck.exact.enclosure import Enclosure, UnaryEnclosure, proven_bound
 from cfjax.certificate.rounding import dyadic
-from cfjax.check.enclosure import Enclosure, UnaryEnclosure, proven_bound
 
 
 # with sin to the third and cos to the fourth power, V̇ is of degree six: what the sums of squares are made for

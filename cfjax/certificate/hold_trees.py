@@ -13,13 +13,13 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Bool, Float, Int
 
+from cfcheck.exact.enclosure import LARGEST_EFFORT
+from cfcheck.kernel.program import CellProof
+from cfcheck.robustness.ranges import DEGREES, FORK_DEGREE, HeldRange, HoldCell, Part, SampledClaim
 from cfjax.certificate.program import coefficients, program_of, prove, solved
 from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import dyadic
 from cfjax.certificate.writing import write_grams
-from cfjax.check.enclosure import LARGEST_EFFORT
-from cfjax.check.held_ranges import DEGREES, FORK_DEGREE, HeldRange, HoldCell, Part, SampledClaim
-from cfjax.check.program import CellProof
 from cfjax.solver import Program, Solution, Solver
 from cfjax.solver.points import vandermonde
 from cfjax.verdict import Verdict

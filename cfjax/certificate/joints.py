@@ -1,13 +1,12 @@
-"""How much wider the next funnel is: the ratios that joints state (`cfjax.check.legs`), sought here."""
+"""How much wider the next funnel is: the ratios that joints state (`cfcheck.claims.legs`), sought here."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from flint import fmpq
 
-from cfjax.check.legs import is_wider
-from cfjax.check.program import Matrix
-from cfjax.check.rational import rational
+from cfcheck.claims.legs import is_wider
+from cfcheck.exact.rational import Matrix, rational
 
 
 SLACKS = (1e-9, 1e-6, 1e-3)  # below the largest ratio, which lies on the edge of what exact arithmetic confirms

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from itertools import product
 
-from cfjax.check.proof import Question
-from cfjax.check.structure import is_mirror
+from cfcheck.claims.proof import Question
+from cfcheck.vehicle.structure import is_mirror
 
 
 def mirrored(question: Question) -> Question:

@@ -8,15 +8,15 @@ inside I, on the first cell of the path: where that cannot be done, no funnel th
 import numpy as np
 from flint import fmpq
 
+from cfcheck.claims.hints import MOST_GRAM_ENTRIES
+from cfcheck.kernel.decrease import SteadyDecrease
+from cfcheck.path.bounds import Bounds
+from cfcheck.reader import Broken
+from cfcheck.vehicle.structure import has_tube_structure
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.plan import CELLS
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, question_of
-from cfjax.check.bounds import Bounds
-from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.hints import MOST_GRAM_ENTRIES
-from cfjax.check.reader import Broken
-from cfjax.check.structure import has_tube_structure
 from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template

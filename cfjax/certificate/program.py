@@ -7,9 +7,9 @@ import numpy as np
 from flint import fmpq, fmpq_mpoly
 from jaxtyping import Float
 
+from cfcheck.exact.enclosure import TooLarge
+from cfcheck.kernel.program import CellProof, FunnelProgram
 from cfjax.certificate.rounding import dyadic, round_gram
-from cfjax.check.enclosure import TooLarge
-from cfjax.check.program import CellProof, FunnelProgram
 from cfjax.solver import REFERENCE, Program, Solution, Solver, Status, solver_named
 from cfjax.solver.program import dense
 

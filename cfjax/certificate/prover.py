@@ -14,21 +14,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import fmpq
 
+from cfcheck.claims.hints import CellHints, CellKey
+from cfcheck.claims.problem import ProblemClaim
+from cfcheck.claims.proof import signs_text
+from cfcheck.exact.enclosure import TooLarge
+from cfcheck.exact.rational import decimal_text, dyadic
+from cfcheck.kernel.decrease import Cell, SteadyDecrease
+from cfcheck.path.bounds import Bounds, place_of
+from cfcheck.path.piece import Piece
+from cfcheck.reader import Broken
+from cfcheck.vehicle.structure import has_tube_structure
 from cfjax.certificate.plan import CELLS, plan
 from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
 from cfjax.certificate.rounding import RoundedFunnel
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, question_of
 from cfjax.certificate.writing import write_stretch
-from cfjax.check.bounds import Bounds, place_of
-from cfjax.check.decrease import Cell, SteadyDecrease
-from cfjax.check.enclosure import TooLarge
-from cfjax.check.hints import CellHints, CellKey
-from cfjax.check.piece import Piece
-from cfjax.check.problem import ProblemClaim
-from cfjax.check.proof import signs_text
-from cfjax.check.rational import decimal_text, dyadic
-from cfjax.check.reader import Broken
-from cfjax.check.structure import has_tube_structure
 from cfjax.falsifier import Counterexample
 from cfjax.problem import Path, Problem
 from cfjax.solver import Program, Solution, Solver, Status

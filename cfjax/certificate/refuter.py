@@ -9,14 +9,14 @@ from collections.abc import Iterator, Sequence
 
 from flint import fmpq
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.funnel import FunnelClaim
+from cfcheck.exact.rational import rational
+from cfcheck.kernel.level import LEVELS
 from cfjax.certificate.certifier import Certification, legs_of
 from cfjax.certificate.rounding import exact
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import dump, seal, write_funnel, write_problem, write_witness
-from cfjax.check import Outcome, check_document
-from cfjax.check.funnel import FunnelClaim
-from cfjax.check.level import LEVELS
-from cfjax.check.rational import rational
 from cfjax.coerce import instances, number, objects
 from cfjax.errors import InputError
 from cfjax.falsifier import WorstPoint, falsify

@@ -1,7 +1,7 @@
 """Hints for what a certified funnel absorbs: bounds on V̇ and V̈ over it, and the file that carries them.
 
-Each vertex is a small semidefinite program (`cfjax.check.held`), some hundredths of a second. The file states the
-largest amounts that were found (`amounts`), with hints for the bounds that allow them.
+Each vertex is a small semidefinite program (`cfcheck.robustness.hold`), some hundredths of a second. The file states
+the largest amounts that were found (`amounts`), with hints for the bounds that allow them.
 """
 
 import itertools
@@ -14,6 +14,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import fmpq
 
+from cfcheck.claims.document import Certificate, Claims, read_certificate
+from cfcheck.claims.hints import MOST_STRETCHES
+from cfcheck.claims.legs import Leg
+from cfcheck.claims.proof import Question
+from cfcheck.exact.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
+from cfcheck.exact.rational import rational
+from cfcheck.kernel.program import CellProof
+from cfcheck.path.bounds import Bounds
+from cfcheck.replay import stated_and_proven
+from cfcheck.robustness.amounts import Absorbed, Stated
+from cfcheck.robustness.descent import held_question, told_of
+from cfcheck.robustness.hold import ORDERS, HeldCell, HeldMotion, derivatives_of
+from cfcheck.robustness.hold_hints import CLAIM, DEGREES, SAMPLED
+from cfcheck.robustness.rate_bounds import motions, motions_within
+from cfcheck.robustness.sampled import steady_leg
+from cfcheck.vehicle.structure import require_tube_structure
 from cfjax.certificate.amounts import largest_amounts, write_amounts
 from cfjax.certificate.bounds import bounds_along
 from cfjax.certificate.fit import enclose
@@ -22,22 +38,6 @@ from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import round_whitening
 from cfjax.certificate.sampled import sampled_hints
 from cfjax.certificate.writing import with_hash, write_bounds, write_grams, write_unary
-from cfjax.check.amounts import Absorbed, Stated
-from cfjax.check.bounds import Bounds
-from cfjax.check.descent import held_question, told_of
-from cfjax.check.document import Certificate, Claims, read_certificate
-from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
-from cfjax.check.held import ORDERS, HeldCell, HeldMotion, derivatives_of
-from cfjax.check.held_hints import CLAIM, DEGREES, SAMPLED
-from cfjax.check.hints import MOST_STRETCHES
-from cfjax.check.legs import Leg
-from cfjax.check.program import CellProof
-from cfjax.check.proof import Question
-from cfjax.check.rational import rational
-from cfjax.check.replay import stated_and_proven
-from cfjax.check.robustness import motions, motions_within
-from cfjax.check.sampled import steady_leg
-from cfjax.check.structure import require_tube_structure
 from cfjax.coerce import instance, whole
 from cfjax.result import Result
 from cfjax.solver import DEFAULT, Program, Solution, Solver, solver_named
@@ -91,7 +91,7 @@ def with_holds(
 ) -> dict[str, Any]:
     """The file of hints for a certificate, with those for a law that looks a `period` (s) ahead.
 
-    With a `delay` (s) also for poses that come so late. What is stated is said in `cfjax.check.sampled`.
+    With a `delay` (s) also for poses that come so late. What is stated is said in `cfcheck.robustness.sampled`.
 
     Raises:
         NotProven: nothing was found for some part of the funnel.

@@ -7,10 +7,10 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Float
 
-from cfjax.check.funnel import FunnelClaim
-from cfjax.check.level import LEVELS, Level
-from cfjax.check.program import Gram, Matrix
-from cfjax.check.rational import rational
+from cfcheck.claims.funnel import FunnelClaim
+from cfcheck.exact.rational import Matrix, rational
+from cfcheck.kernel.level import LEVELS, Level
+from cfcheck.kernel.program import Gram
 from cfjax.funnel import Funnel
 from cfjax.problem import Segment, Tube
 

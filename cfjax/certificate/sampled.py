@@ -1,4 +1,5 @@
-"""Hints for sampled control (`cfjax.check.sampled`): the finite set of inputs, and all that has to be shown of it.
+"""Hints for sampled control (`cfcheck.robustness.sampled`): the finite set of inputs, and all that has to be shown of
+it.
 
 Where which of the inputs is good, trees say (`cfjax.certificate.hold_trees`).
 """
@@ -14,17 +15,17 @@ from flint import fmpq
 from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
+from cfcheck.exact.enclosure import LARGEST_EFFORT, UnaryEnclosure
+from cfcheck.kernel.program import CellProof
+from cfcheck.robustness.derivatives import SteadyLeg
+from cfcheck.robustness.ranges import RISE, HeldRange, HoldCell, Inputs, Part, SampledClaim, held_ranges, span_of
+from cfcheck.robustness.sampled_hints import START_UP
 from cfjax.certificate.fit import FUNCTIONS, enclose
 from cfjax.certificate.hold_trees import TreeGrower, program_at, write_proof
 from cfjax.certificate.program import MARGIN_BITS, prove, solved
 from cfjax.certificate.prover import NotProven
 from cfjax.certificate.rounding import dyadic, round_whitening
 from cfjax.certificate.writing import write_unary
-from cfjax.check.enclosure import LARGEST_EFFORT, UnaryEnclosure
-from cfjax.check.held_derivatives import SteadyLeg
-from cfjax.check.held_ranges import RISE, HeldRange, HoldCell, Inputs, Part, SampledClaim, held_ranges, span_of
-from cfjax.check.program import CellProof
-from cfjax.check.sampled_hints import START_UP
 from cfjax.solver import Solver
 from cfjax.verdict import Verdict
 

@@ -11,10 +11,10 @@ from math import comb
 
 from flint import fmpq
 
+from cfcheck.exact.enclosure import TooLarge
+from cfcheck.kernel.decrease import SteadyDecrease
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.posed import least_funnel, put_together
-from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.enclosure import TooLarge
 from cfjax.coerce import number, objects, one_of, whole
 from cfjax.errors import InputError
 from cfjax.funnel import Template

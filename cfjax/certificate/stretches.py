@@ -12,18 +12,19 @@ from math import comb
 import numpy as np
 from flint import fmpq
 
+from cfcheck.claims.hints import MOST_MONOMIALS
+from cfcheck.claims.problem import ProblemClaim
+from cfcheck.claims.proof import Question
+from cfcheck.exact.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
+from cfcheck.exact.rational import Range
+from cfcheck.exact.symbolic import symbolic
+from cfcheck.kernel.decrease import SteadyDecrease, by_boundary
+from cfcheck.kernel.law import DEGREES as LAW_DEGREES
+from cfcheck.path.bounds import Bounds, Extreme
+from cfcheck.path.piece import Piece, between
 from cfjax.certificate.fit import DEGREES, SPARING, enclose
 from cfjax.certificate.mirror import mirrored
 from cfjax.certificate.rounding import GRAM_BITS, RoundedFunnel, round_whitening
-from cfjax.check.bounds import Bounds, Extreme, Range
-from cfjax.check.decrease import SteadyDecrease, by_boundary
-from cfjax.check.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
-from cfjax.check.hints import MOST_MONOMIALS
-from cfjax.check.law import DEGREES as LAW_DEGREES
-from cfjax.check.piece import Piece, between
-from cfjax.check.problem import ProblemClaim
-from cfjax.check.proof import Question
-from cfjax.check.symbolic import symbolic
 
 
 MOST_ROWS = 70  # of the Gram matrices of a law that is no polynomial: four states with V' of degree eight

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
 
-from cfjax.check.graph import Graph, Node
-from cfjax.check.rational import rational
-from cfjax.check.symbolic import Symbolic, symbolic
+from cfcheck.exact.graph import Graph, Node
+from cfcheck.exact.rational import rational
+from cfcheck.exact.symbolic import Symbolic, symbolic
 from cfjax.errors import InputError
 from cfjax.problem import FeedbackLaw, ReferencePoint, Vehicle, deviation_rate
 

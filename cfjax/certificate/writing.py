@@ -1,4 +1,4 @@
-"""certificate.json, written: the counterpart of `cfjax.check.document`."""
+"""certificate.json, written: the counterpart of `cfcheck.claims.document`."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -6,20 +6,20 @@ from typing import Any
 
 from flint import fmpq
 
+from cfcheck.claims.document import CLAIMS, FORMAT, HINTS, VERSION, WITNESS, LegClaim, document_hash
+from cfcheck.claims.funnel import FunnelClaim
+from cfcheck.claims.hints import CellHints, CellKey
+from cfcheck.claims.meaning import closes
+from cfcheck.exact.enclosure import UnaryEnclosure
+from cfcheck.exact.graph import Graph, Node
+from cfcheck.exact.rational import Range, rational
+from cfcheck.exact.symbolic import symbolic
+from cfcheck.kernel.decrease import SteadyDecrease
+from cfcheck.kernel.program import Gram
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
+from cfcheck.vehicle.model import KNOWN_VEHICLES
 from cfjax.certificate.trace import trace_law
-from cfjax.check.bounds import Bounds, Range
-from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.document import CLAIMS, FORMAT, HINTS, VERSION, WITNESS, LegClaim, document_hash
-from cfjax.check.enclosure import UnaryEnclosure
-from cfjax.check.funnel import FunnelClaim
-from cfjax.check.graph import Graph, Node
-from cfjax.check.hints import CellHints, CellKey
-from cfjax.check.meaning import closes
-from cfjax.check.piece import Piece
-from cfjax.check.program import Gram
-from cfjax.check.rational import rational
-from cfjax.check.symbolic import symbolic
-from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import instance
 from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_path, write_surroundings
 from cfjax.problem import FeedbackLaw, Problem, Vehicle

@@ -2,7 +2,7 @@
 
 A controller knows what it has sent, and for how long; θ is its own and never late. On the model the prediction is
 exact but for rounding and the error of Runge and Kutta's steps, so that what is proven of a law at the state that it
-sees holds at the one that it predicts (`cfjax.check.sampled`).
+sees holds at the one that it predicts (`cfcheck.robustness.sampled`).
 """
 
 from typing import NamedTuple

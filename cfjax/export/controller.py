@@ -20,7 +20,7 @@ import jax
 import numpy as np
 from flint import fmpq
 
-from cfjax.check.rational import decimal_text
+from cfcheck.exact.rational import decimal_text
 from cfjax.coerce import choice, file, instance
 from cfjax.control.law import LAW_SHARE
 from cfjax.control.legs import leg_arrays

@@ -40,7 +40,8 @@ class Unit(enum.Enum):
 class Span(NamedTuple):
     """Part of a segment, θ from begin to end (s), as the set of references within bounds that hold there.
 
-    With bounds of the curvature's rate (dκ/dθ, 1/(m s)) one input has to do for all of them (`cfjax.check.structure`).
+    With bounds of the curvature's rate (dκ/dθ, 1/(m s)) one input has to do for all of them
+    (`cfcheck.vehicle.structure`).
     """
 
     begin: float

@@ -3,7 +3,7 @@
 Along an input u that is held from s = 0 on, V(s) ≤ V + s max_j B_j(u) for 0 ≤ s ≤ h as long as V ≤ 1. The B_j are the
 Bernstein coefficients of Taylor's polynomial of (V(s) − V)/s, the last one with a bound of what is left out. An input
 is **good** at a deviation if on the shell every B_j ≤ −λ', and inside it every B_j ≤ (1 − V)/h. A certificate may show
-that one of the set is good wherever V ≤ 1 (`cfjax.check.sampled`).
+that one of the set is good wherever V ≤ 1 (`cfcheck.robustness.sampled`).
 """
 
 from collections.abc import Callable

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfjax.check.bounds import Range
+from cfcheck.exact.rational import Range
 from cfjax.errors import InputError
 from cfjax.planner.search import Body
 from cfjax.problem import FootprintDisc

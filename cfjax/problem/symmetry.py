@@ -1,6 +1,6 @@
 """Mirror symmetry of a vehicle: turning left is like turning right.
 
-Looked for in samples, for a learner to make use of; a proof looks for itself (`cfjax.check.structure`).
+Looked for in samples, for a learner to make use of; a proof looks for itself (`cfcheck.vehicle.structure`).
 """
 
 import itertools

@@ -91,7 +91,7 @@ class Tube:
 
         The worst reference of the tube is one of these: at a fixed input V̇ is affine in speed, and curvature and
         acceleration enter as u0 (κ v_r g(x) + a h(x)), so that the input that is good at the worst pair of ends serves
-        all between (`cfjax.check.structure` proves this on the vehicle's graph).
+        all between (`cfcheck.vehicle.structure` proves this on the vehicle's graph).
         """
         return [
             [ReferencePoint(kappa * v, v, 0.0, a) for v in _ends(self.speed)]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from cfjax.check.amounts import SHARE
-from cfjax.check.containment import half_widths
-from cfjax.check.rational import float_below
+from cfcheck.claims.containment import half_widths
+from cfcheck.exact.rational import float_below
+from cfcheck.robustness.amounts import SHARE
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, FeedbackLaw, Interval, Obstacle, Problem, Tube, Wall
 from cfjax.problem.vehicle import numbers_of

@@ -29,12 +29,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cfcheck import Outcome, Report, check_file
+from cfcheck.exact.rational import float_below
+from cfcheck.replay import WITHOUT_PERIOD
 from cfjax.certificate.absorbed import held_to, with_amounts
 from cfjax.certificate.robustness import Hints
 from cfjax.certificate.writing import dump
-from cfjax.check import Outcome, Report, check_file
-from cfjax.check.rational import float_below
-from cfjax.check.replay import WITHOUT_PERIOD
 from cfjax.clock import Clock
 from cfjax.errors import InputError, NotWritten
 from cfjax.options import Progress

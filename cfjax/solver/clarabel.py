@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
 
-from cfjax.check.program import Exponents, monomials
+from cfcheck.kernel.program import Exponents, monomials
 from cfjax.solver.cost import available_memory, cost_of
 from cfjax.solver.program import AT_CAP, CAP, NOT_FINITE, Program, Shape, Solution, Status, rows
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import qr, solve_triangular
 
-from cfjax.check.program import monomials
+from cfcheck.kernel.program import monomials
 
 
 CLOUD = 8  # points to choose from, for each point that is chosen

@@ -3,7 +3,7 @@
     maximise λ ≤ cap   with   target − λ drop = z₀ᵀ Q₀ z₀ + Σ_k g_k zᵀ Q_k z,   every Q positive semidefinite
 
 for polynomials in y; z are the monomials up to the degree of each Gram matrix. An answer is a hint for the exact replay
-(`cfjax.check.program`), never a proof.
+(`cfcheck.kernel.program`), never a proof.
 """
 
 import enum
@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from cfjax.check.program import Exponents, monomials
+from cfcheck.kernel.program import Exponents, monomials
 
 
 AT_CAP = 1 - 1e-3  # of the cap: λ is as good as there, and no point of the cell limits it

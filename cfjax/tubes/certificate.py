@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cfjax.check.bounds import Range
-from cfjax.check.document import LegClaim
-from cfjax.check.rational import rational
-from cfjax.check.reader import read_json
-from cfjax.check.vehicle import KNOWN_VEHICLES
+from cfcheck.claims.document import LegClaim
+from cfcheck.exact.rational import Range, rational
+from cfcheck.reader import read_json
+from cfcheck.vehicle.model import KNOWN_VEHICLES
 from cfjax.coerce import file, instance, optional
 from cfjax.errors import InputError
 from cfjax.exact import exact_surroundings, write_clearance, write_path, write_surroundings

@@ -2,7 +2,7 @@
 
 A tube is an invariant funnel {V(x) = xᵀ C x ≤ 1} that holds along every path whose curvature κ = ω_r/v_r, speed v_r and
 acceleration dv_r/dθ stay inside its bounds. Numbers are exact, and what is chosen with them is proven by
-`cfjax.check.legs`.
+`cfcheck.claims.legs`.
 """
 
 from collections.abc import Mapping
@@ -13,16 +13,15 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.bounds import Bounds, Range
-from cfjax.check.document import read_claims
-from cfjax.check.funnel import FunnelClaim, contraction_way, metres
-from cfjax.check.legs import Leg
-from cfjax.check.level import Contracting
-from cfjax.check.program import Matrix
-from cfjax.check.rational import about, is_positive_definite
-from cfjax.check.reader import Unreadable
-from cfjax.check.reference import Reference
-from cfjax.check.vehicle import STATES
+from cfcheck.claims.document import read_claims
+from cfcheck.claims.funnel import FunnelClaim, contraction_way, metres
+from cfcheck.claims.legs import Leg
+from cfcheck.exact.rational import Matrix, Range, about, is_positive_definite
+from cfcheck.kernel.level import Contracting
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.reference import Reference
+from cfcheck.reader import Unreadable
+from cfcheck.vehicle.model import STATES
 
 
 class Origin(NamedTuple):

@@ -11,8 +11,8 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Bool, Float, Int
 
+from cfcheck.path.reference import Gap, Reference
 from cfjax.certificate.joints import widest_ratio
-from cfjax.check.reference import Gap, Reference
 from cfjax.tubes.certified import CertifiedTube, timing_of
 
 

@@ -7,12 +7,12 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
+from cfcheck.claims.surroundings import Body, Clearance, Surroundings, shadows_of
+from cfcheck.exact.enclosure import Budget
+from cfcheck.kernel.sweep import Nearby
+from cfcheck.path.reference import Reference
 from cfjax.certificate.clearance import SAFE, NotClear, Search, find_clearance
 from cfjax.certificate.hulls import FAN, ROUGH, Along, Disc, Hulls, levels_of, rows_of
-from cfjax.check.enclosure import Budget
-from cfjax.check.reference import Reference
-from cfjax.check.surroundings import Body, Clearance, Surroundings, shadows_of
-from cfjax.check.sweep import Nearby
 from cfjax.tubes.certified import CertifiedTube, Run
 from cfjax.tubes.violation import InTheWay
 

@@ -2,7 +2,7 @@
 
 Each tube holds along every path within its intervals. So nothing is optimised for a path: it is cut into pieces, each
 piece asks which tubes hold it, and a chain is the cheapest way through them, where a tube can only be left for one that
-holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfjax.check.legs` proves
+holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfcheck.claims.legs` proves
 each of these claims).
 """
 
@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpq
 
-from cfjax.check.bounds import Range
-from cfjax.check.legs import Joint, prove_joints
-from cfjax.check.piece import Piece
-from cfjax.check.rational import float_below, rational, sqrt_upper
-from cfjax.check.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
-from cfjax.check.surroundings import Clearance, Surroundings
+from cfcheck.claims.legs import Joint, prove_joints
+from cfcheck.claims.surroundings import Clearance, Surroundings
+from cfcheck.exact.rational import Range, float_below, rational, sqrt_upper
+from cfcheck.path.piece import Piece
+from cfcheck.path.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
 from cfjax.coerce import Numbers, flag, instance, instances, number, optional, text, whole
 from cfjax.errors import InputError
 from cfjax.exact import StatedSegment, exact_reference, exact_surroundings, stated

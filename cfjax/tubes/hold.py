@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 from flint import fmpq
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.containment import Sets, broken_containments
+from cfcheck.claims.legs import Leg
+from cfcheck.claims.problem import MOST_PIECES
+from cfcheck.exact.rational import float_below
+from cfcheck.path.reference import Reference
+from cfcheck.vehicle.model import STATES
 from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.writing import exact_inputs
-from cfjax.check import Outcome, check_document
-from cfjax.check.containment import Sets, broken_containments
-from cfjax.check.legs import Leg
-from cfjax.check.problem import MOST_PIECES
-from cfjax.check.rational import float_below
-from cfjax.check.reference import Reference
-from cfjax.check.vehicle import STATES
 from cfjax.errors import InputError
 from cfjax.exact import exact_course, exact_numbers, tube_within
 from cfjax.funnel import Funnel, template_named

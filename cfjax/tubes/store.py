@@ -7,8 +7,8 @@ from importlib import resources
 from os import PathLike
 from pathlib import Path
 
-from cfjax.check import Outcome, check_document
-from cfjax.check.reader import Unreadable, read_json
+from cfcheck import Outcome, check_document
+from cfcheck.reader import Unreadable, read_json
 from cfjax.coerce import file, flag, instance
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle

@@ -6,10 +6,9 @@ from decimal import ROUND_CEILING
 
 from flint import fmpq
 
+from cfcheck.exact.rational import Range, about, decimal_text
+from cfcheck.vehicle.model import KNOWN_VEHICLES
 from cfjax.certificate.writing import exact_parameters
-from cfjax.check.bounds import Range
-from cfjax.check.rational import about, decimal_text
-from cfjax.check.vehicle import KNOWN_VEHICLES
 from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.problem import KinematicBicycle, Vehicle
@@ -46,7 +45,7 @@ def for_vehicle(tube: CertifiedTube, vehicle: Vehicle) -> CertifiedTube | None:
 
 
 def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
-    """The tube of the similar car: lengths multiplied by `length`, speeds by `speed` (`cfjax.check.funnel`).
+    """The tube of the similar car: lengths multiplied by `length`, speeds by `speed` (`cfcheck.claims.funnel`).
 
     Raises:
         ValueError: for scales that are not positive, or a vehicle of which no similar one is known.

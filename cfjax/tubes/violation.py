@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from flint import acb, fmpq, fmpq_poly
 
-from cfjax.check.bounds import Bounds
-from cfjax.check.piece import Piece
-from cfjax.check.polynomial import evaluate, integral
-from cfjax.check.rational import upper_bound
+from cfcheck.exact.polynomial import evaluate, integral
+from cfcheck.exact.rational import upper_bound
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
 from cfjax.tubes.certified import CertifiedTube
 
 

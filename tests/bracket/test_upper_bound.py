@@ -9,13 +9,13 @@ import pytest
 from flint import fmpq
 
 import cfjax
+from cfcheck import Outcome, check_document
+from cfcheck.exact.dual import Dual, constant
+from cfcheck.margin.upper_bound import Leaf, Row, leaf_holds
+from cfcheck.margin.upper_bound_file import read_upper_bound
 from cfjax.bracket import Bound, upper_bound
 from cfjax.bracket.interval import Interval, Lift, unknowns
 from cfjax.certificate import dump
-from cfjax.check import Outcome, check_document
-from cfjax.check.dual import Dual, constant
-from cfjax.check.upper_bound import Leaf, Row, leaf_holds
-from cfjax.check.upper_bound_file import read_upper_bound
 from cfjax.errors import InputError
 
 

@@ -4,9 +4,9 @@ import copy
 from collections.abc import Callable
 from typing import Any
 
-from cfjax.check import Outcome, Report
-from cfjax.check.document import document_hash
-from cfjax.check.replay import check_robustness
+from cfcheck import Outcome, Report
+from cfcheck.claims.document import document_hash
+from cfcheck.replay import check_robustness
 
 
 Change = Callable[[dict[str, Any]], object]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck import Outcome, check_document, check_file
+from cfcheck.kernel.program import CellProof
 from cfjax.certificate import certify, dump, refute, statement_of
 from cfjax.certificate import program as certificate_program
-from cfjax.check import Outcome, check_document, check_file
-from cfjax.check.program import CellProof
 from cfjax.errors import InputError
 from cfjax.falsifier import falsify
 from cfjax.funnel import Contracting, Funnel, Paper
@@ -178,7 +178,7 @@ def test_questions_without_a_proof_of_this_kind_are_refused(candidate: Candidate
 
 def test_a_path_of_more_than_a_checker_reads_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(statement_of(Problem(ellipse())).written["path"]["pieces"]) > 10
-    monkeypatch.setattr("cfjax.check.problem.MOST_PIECES", 10)
+    monkeypatch.setattr("cfcheck.claims.problem.MOST_PIECES", 10)
     with pytest.raises(
         InputError, match=r"no checker would read this question: problem\.path\.pieces: expected .* 10 "
     ):

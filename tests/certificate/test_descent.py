@@ -15,19 +15,19 @@ import pytest
 from flint import fmpq
 
 import cfjax
+from cfcheck import Outcome, Report, check_document
+from cfcheck.claims.document import read_certificate
+from cfcheck.claims.legs import Joint
+from cfcheck.claims.legs import Leg as ProvenLeg
+from cfcheck.exact.rational import Range, sqrt_lower, sqrt_upper
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.reference import Gap
+from cfcheck.replay import check_robustness
+from cfcheck.robustness.amounts import SHARE, Absorbed, Rates, Told, verified
+from cfcheck.robustness.descent import HeldFunnel, are_entered, bounds_over, held_over
+from cfcheck.robustness.hold_hints import read_robustness
 from cfjax.certificate.amounts import largest_amounts
 from cfjax.certificate.robustness import robustness_document
-from cfjax.check import Outcome, Report, check_document
-from cfjax.check.amounts import SHARE, Absorbed, Rates, Told, verified
-from cfjax.check.bounds import Bounds, Range
-from cfjax.check.descent import HeldFunnel, are_entered, bounds_over, held_over
-from cfjax.check.document import read_certificate
-from cfjax.check.held_hints import read_robustness
-from cfjax.check.legs import Joint
-from cfjax.check.legs import Leg as ProvenLeg
-from cfjax.check.rational import sqrt_lower, sqrt_upper
-from cfjax.check.reference import Gap
-from cfjax.check.replay import check_robustness
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.plants import Model, sensor_named
 from cfjax.problem import (

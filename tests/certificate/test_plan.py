@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cfcheck.claims.hints import MOST_GRAM_ENTRIES
 from cfjax.certificate import certify
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.plan import BATCH, CELLS, Cuts, _Planner, plan
 from cfjax.certificate.prover import Means, Prover, StretchProof
 from cfjax.certificate.rounding import round_funnel
-from cfjax.check.hints import MOST_GRAM_ENTRIES
 from cfjax.falsifier import falsify, stretch_margins
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Span

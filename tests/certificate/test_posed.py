@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from cfcheck.exact.enclosure import Budget, TooLarge
+from cfcheck.reader import Broken
 from cfjax import synthesis
 from cfjax.certificate import Certification, posed, require_posable, statement_of
 from cfjax.certificate.prover import NotProven, _not_possible
-from cfjax.check.enclosure import Budget, TooLarge
-from cfjax.check.reader import Broken
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.learner import Learned

@@ -16,28 +16,28 @@ import pytest
 from flint import fmpq
 
 import cfjax.certificate.robustness as hints_of
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import document_hash
+from cfcheck.claims.hints import Room
+from cfcheck.claims.legs import Leg
+from cfcheck.claims.problem import Course
+from cfcheck.claims.proof import Question
+from cfcheck.exact.enclosure import Budget, Enclosure
+from cfcheck.exact.rational import dyadic, rational
+from cfcheck.kernel.level import LEVELS
+from cfcheck.reader import Item
+from cfcheck.replay import check_robustness
+from cfcheck.robustness.amounts import Absorbed, Rates, Robustness, kept_level
+from cfcheck.robustness.hold import HeldCell, HeldMotion, derivatives_of
+from cfcheck.robustness.hold_hints import read_stretch
+from cfcheck.robustness.rate_bounds import motions, rates_along
+from cfcheck.robustness.spare import Terms
 from cfjax.certificate import certify
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.fit import enclose
 from cfjax.certificate.robustness import hints_along, robustness_document
 from cfjax.certificate.rounding import round_funnel, round_whitening
 from cfjax.certificate.stretches import question_of
-from cfjax.check import Outcome, check_document
-from cfjax.check.amounts import Absorbed, Rates, Robustness, kept_level
-from cfjax.check.document import document_hash
-from cfjax.check.enclosure import Budget, Enclosure
-from cfjax.check.held import HeldCell, HeldMotion, derivatives_of
-from cfjax.check.held_hints import read_stretch
-from cfjax.check.hints import Room
-from cfjax.check.legs import Leg
-from cfjax.check.level import LEVELS
-from cfjax.check.problem import Course
-from cfjax.check.proof import Question
-from cfjax.check.rational import dyadic, rational
-from cfjax.check.reader import Item
-from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import motions, rates_along
-from cfjax.check.spare import Terms
 from cfjax.control import LAWS
 from cfjax.control.law import LAW_SHARE, law_numbers
 from cfjax.errors import InputError

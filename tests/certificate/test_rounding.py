@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck.claims.document import unpack_triangle
+from cfcheck.exact.rational import is_positive_definite
 from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
-from cfjax.check.document import unpack_triangle
-from cfjax.check.rational import is_positive_definite
 
 
 def test_rounding_stays_near_and_is_exact_in_floats() -> None:

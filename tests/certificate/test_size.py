@@ -8,14 +8,14 @@ import pytest
 from flint import fmpq
 
 import cfjax.synthesis
+from cfcheck.exact import enclosure
+from cfcheck.path.bounds import Bounds
 from cfjax.certificate import certify, program, proof_size, require_room, statement_of
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.program import program_of
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.size import GB, ProofSize
 from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
-from cfjax.check import enclosure
-from cfjax.check.bounds import Bounds
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.options import Options, ProofLimits

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck import Outcome, check_document
+from cfcheck.path.bounds import Bounds
+from cfcheck.reader import Broken
+from cfcheck.replay import check_robustness
+from cfcheck.robustness.amounts import Absorbed, BoundsOver, Rates, Robustness, kept_level, least_level, verified
+from cfcheck.robustness.rate_bounds import HORIZON
 from cfjax.certificate import certify
 from cfjax.certificate.amounts import largest_amounts
 from cfjax.certificate.robustness import robustness_document, speed_bands
-from cfjax.check import Outcome, check_document
-from cfjax.check.amounts import Absorbed, BoundsOver, Rates, Robustness, kept_level, least_level, verified
-from cfjax.check.bounds import Bounds
-from cfjax.check.reader import Broken
-from cfjax.check.replay import check_robustness
-from cfjax.check.robustness import HORIZON
 from cfjax.control import MinNorm, any_path_numbers, path_point
 from cfjax.control.law import LAW_SHARE
 from cfjax.errors import InputError

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from cfcheck.claims.hints import MOST_GRAM_ENTRIES
+from cfcheck.exact.rational import rational
+from cfcheck.path.bounds import Bounds
 from cfjax.certificate.certifier import _prove_sets, statement_of
 from cfjax.certificate.prover import Means, Prover
 from cfjax.certificate.rounding import RoundedFunnel, round_funnel
 from cfjax.certificate.stretches import Stretch
 from cfjax.certificate.writing import seal, write_decrease, write_funnel
-from cfjax.check.bounds import Bounds
-from cfjax.check.hints import MOST_GRAM_ENTRIES
-from cfjax.check.rational import rational
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Path, Pose, Problem, Profile, Segment, ball
 from cfjax.problem.obstacles import Disc, FootprintDisc, Polygon

@@ -4,8 +4,8 @@ from typing import Any
 
 from flint import fmpq
 
-from cfjax.check.graph import Graph, Node
-from cfjax.check.symbolic import Symbolic, symbolic
+from cfcheck.exact.graph import Graph, Node
+from cfcheck.exact.symbolic import Symbolic, symbolic
 
 
 OMEGA, SPEED, SLOPE, ACCELERATION = (

@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import pytest
 
+from cfcheck.claims.meaning import closes
+from cfcheck.exact.graph import Graph, Node
+from cfcheck.exact.symbolic import symbolic
+from cfcheck.vehicle.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
-from cfjax.check.graph import Graph, Node
-from cfjax.check.meaning import closes
-from cfjax.check.symbolic import symbolic
 from cfjax.exact import exact_course
 from cfjax.problem import KinematicBicycle, Vehicle, circle
 from experiments.vehicles.front_axle import FrontAxleCar

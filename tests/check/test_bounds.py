@@ -4,8 +4,9 @@ from dataclasses import replace
 
 from flint import fmpq
 
-from cfjax.check.bounds import Bounds, Range
-from cfjax.check.piece import Piece
+from cfcheck.exact.rational import Range
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
 from tests.by_hand import ONE, TINY, ZERO, bounds, piece
 
 

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from flint import acb, arb, fmpq
 
+from cfcheck.claims.funnel import FunnelClaim
+from cfcheck.claims.legs import Leg
+from cfcheck.claims.surroundings import ClearStretch, Surroundings, prove_surroundings
+from cfcheck.exact.rational import rational
+from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim, Shadow
+from cfcheck.kernel.level import LEVELS, Contracting, Level, Paper
+from cfcheck.path.piece import Piece, between
+from cfcheck.path.reference import ExactPose, Reference
 from cfjax.certificate.clearance import NotClear, find_clearance
-from cfjax.check.clearance import FootprintClaim, ObstacleClaim, Shadow
-from cfjax.check.funnel import FunnelClaim
-from cfjax.check.legs import Leg
-from cfjax.check.level import LEVELS, Contracting, Level, Paper
-from cfjax.check.piece import Piece, between
-from cfjax.check.rational import rational
-from cfjax.check.reference import ExactPose, Reference
-from cfjax.check.surroundings import ClearStretch, Surroundings, prove_surroundings
 from cfjax.exact import StatedProfile, StatedSegment, exact_reference
 from cfjax.funnel import template_named
 from cfjax.problem import Segment, obstacle_path

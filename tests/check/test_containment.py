@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.check.containment import Sets, broken_containments
-from cfjax.check.level import LEVELS
+from cfcheck.claims.containment import Sets, broken_containments
+from cfcheck.kernel.level import LEVELS
 
 
 STATES = ("alpha", "x", "y", "v")

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import document_hash
+from cfcheck.claims.meaning import require_meaning
+from cfcheck.claims.problem import read_problem
+from cfcheck.exact.rational import rational
+from cfcheck.exact.symbolic import symbolic
+from cfcheck.reader import Broken
 from cfjax.certificate import dump
 from cfjax.certificate.certifier import legs_of
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import seal, write_funnel, write_problem, write_witness
-from cfjax.check import Outcome, check_document
-from cfjax.check.document import document_hash
-from cfjax.check.meaning import require_meaning
-from cfjax.check.problem import read_problem
-from cfjax.check.rational import rational
-from cfjax.check.reader import Broken
-from cfjax.check.symbolic import symbolic
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Method, Path, Pose, Problem, Profile, Segment, affine_deviation, ball, straight
 from cfjax.problem.obstacles import disc_centres, distances

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck.kernel.decrease import SteadyDecrease
+from cfcheck.kernel.level import LEVELS, Contracting, Paper
+from cfcheck.kernel.program import Gram, monomials, quadratic_form
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.stretches import bounded, decreases_on, question_of
-from cfjax.check.decrease import SteadyDecrease
-from cfjax.check.level import LEVELS, Contracting, Paper
-from cfjax.check.program import Gram, monomials, quadratic_form
 from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Problem, affine_deviation, circle

@@ -5,8 +5,8 @@ import random
 import pytest
 from flint import arb, ctx, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
+from cfcheck.exact.enclosure import Budget, Domain, Enclosure, UnaryEnclosure, proven_bound, proven_slope
 from cfjax.certificate.fit import enclose, fit
-from cfjax.check.enclosure import Budget, Domain, Enclosure, UnaryEnclosure, proven_bound, proven_slope
 
 
 RANGES = {

@@ -7,14 +7,14 @@ from typing import Any
 import pytest
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from cfjax.check.enclosure import LARGEST_EFFORT, Budget, Enclosure, TooLarge
-from cfjax.check.graph import Graph, Node
-from cfjax.check.held import ASKED, HeldCell, HeldMotion
-from cfjax.check.level import LEVELS
-from cfjax.check.parametric import Parametric
-from cfjax.check.program import CellProof
-from cfjax.check.reader import Broken
-from cfjax.check.robustness import _prove_sizes
+from cfcheck.exact.enclosure import LARGEST_EFFORT, Budget, Enclosure, TooLarge
+from cfcheck.exact.graph import Graph, Node
+from cfcheck.kernel.level import LEVELS
+from cfcheck.kernel.program import CellProof
+from cfcheck.reader import Broken
+from cfcheck.robustness.hold import ASKED, HeldCell, HeldMotion
+from cfcheck.robustness.parametric import Parametric
+from cfcheck.robustness.rate_bounds import _prove_sizes
 
 
 TURN, SPEED, ASKED_TURN = "reference:turn_rate", "reference:speed", "asked:turn_rate"

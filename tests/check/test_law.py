@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import document_hash
+from cfcheck.exact.enclosure import Domain, Enclosure, UnaryEnclosure
+from cfcheck.exact.quotient import Quotient, applied
+from cfcheck.exact.rational import rational
+from cfcheck.kernel.law import HIGH, INSIDE, LOW, REGIMES, Limited
 from cfjax.certificate import certify, dump, refute
-from cfjax.check import Outcome, check_document
-from cfjax.check.document import document_hash
-from cfjax.check.enclosure import Domain, Enclosure, UnaryEnclosure
-from cfjax.check.law import HIGH, INSIDE, LOW, REGIMES, Limited
-from cfjax.check.quotient import Quotient, applied
-from cfjax.check.rational import rational
 from cfjax.falsifier import WorstPoint, falsify
 from cfjax.funnel import Funnel, Leg, template_named
 from cfjax.problem import FeedbackLaw, LinearLaw, Problem, ReferencePoint, Vehicle, straight

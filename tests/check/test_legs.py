@@ -9,12 +9,12 @@ import pytest
 from flint import fmpq
 from scipy.integrate import solve_ivp
 
+from cfcheck.claims.legs import Joint, Leg, is_wider, prove_joints
+from cfcheck.exact.rational import rational
+from cfcheck.kernel.level import Contracting, Paper
+from cfcheck.path.reference import Gap
+from cfcheck.reader import Broken
 from cfjax.certificate.joints import widest_ratio
-from cfjax.check.legs import Joint, Leg, is_wider, prove_joints
-from cfjax.check.level import Contracting, Paper
-from cfjax.check.rational import rational
-from cfjax.check.reader import Broken
-from cfjax.check.reference import Gap
 from cfjax.control.law import LAW_SHARE
 from cfjax.exact import exact_reference
 from cfjax.tubes.choice import needed_distance

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from flint import arb, fmpq
 
-from cfjax.check.level import LEVELS
-from cfjax.check.rational import rational
+from cfcheck.exact.rational import rational
+from cfcheck.kernel.level import LEVELS
 from cfjax.funnel import TEMPLATES, Template
 
 

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
-from cfjax.check import Outcome, check_document, proof
-from cfjax.check.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
-from cfjax.check.hints import MOST_CELLS
-from cfjax.check.problem import MOST_PIECES
+from cfcheck import Outcome, check_document
+from cfcheck.claims import proof
+from cfcheck.claims.hints import MOST_CELLS
+from cfcheck.claims.problem import MOST_PIECES
+from cfcheck.exact.enclosure import Budget, Domain, UnaryEnclosure, proven_bound
 
 
 Document = dict[str, Any]

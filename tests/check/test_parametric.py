@@ -5,8 +5,8 @@ from math import comb
 import pytest
 from flint import fmpq, fmpq_mpoly_ctx
 
-from cfjax.check.enclosure import Domain, Enclosure, TooLarge
-from cfjax.check.parametric import Parametric
+from cfcheck.exact.enclosure import Domain, Enclosure, TooLarge
+from cfcheck.robustness.parametric import Parametric
 
 
 RING = fmpq_mpoly_ctx.get(["y0", "y1"], "degrevlex")

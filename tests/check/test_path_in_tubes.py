@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import cfjax
+from cfcheck import Outcome, check_document, check_file
+from cfcheck.claims.document import document_hash
+from cfcheck.reader import read_json
 from cfjax.certificate import certify
 from cfjax.certificate.trace import trace_deviation
 from cfjax.certificate.writing import write_vehicle
-from cfjax.check import Outcome, check_document, check_file
-from cfjax.check.document import document_hash
-from cfjax.check.reader import read_json
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Interval, KinematicBicycle, Pose, Problem, Profile, Segment, Tube, ball

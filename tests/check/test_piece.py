@@ -7,8 +7,8 @@ import random
 import pytest
 from flint import acb, arb, arb_poly, fmpq, fmpq_poly
 
-from cfjax.check.polynomial import bernstein
-from cfjax.check.rational import rational
+from cfcheck.exact.polynomial import bernstein
+from cfcheck.exact.rational import rational
 from tests.by_hand import ONE, TINY, ZERO, bounds, piece
 
 

@@ -6,7 +6,7 @@ import random
 import pytest
 from flint import fmpq, fmpq_poly
 
-from cfjax.check.polynomial import bernstein, is_nonnegative
+from cfcheck.exact.polynomial import bernstein, is_nonnegative
 from tests.by_hand import ONE, ZERO
 
 

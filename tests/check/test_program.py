@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.program import CellProof, FunnelProgram, Gram, is_definite
+from cfcheck.kernel.program import CellProof, FunnelProgram, Gram, is_definite
 
 
 class Disc(FunnelProgram):

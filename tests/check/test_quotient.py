@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from flint import arb, fmpq, fmpq_mpoly_ctx
 
+from cfcheck import Outcome, check_document
+from cfcheck.exact.enclosure import Domain, Enclosure, TooLarge, UnaryEnclosure, proven_bound
+from cfcheck.exact.quotient import Quotient, applied
+from cfcheck.kernel.decrease import Cell, SteadyDecrease
+from cfcheck.kernel.program import RADIUS_SLACK, CellProof, FunnelProgram
 from cfjax.certificate import certify, dump
 from cfjax.certificate.fit import enclose, fit
-from cfjax.check import Outcome, check_document
-from cfjax.check.decrease import Cell, SteadyDecrease
-from cfjax.check.enclosure import Domain, Enclosure, TooLarge, UnaryEnclosure, proven_bound
-from cfjax.check.program import RADIUS_SLACK, CellProof, FunnelProgram
-from cfjax.check.quotient import Quotient, applied
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Problem, ball, straight
 from tests.check.vehicles import Hauler

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.check import rational as check_rational
-from cfjax.check.rational import (
+from cfcheck.exact import rational as check_rational
+from cfcheck.exact.rational import (
     about,
     decimal_text,
     exp_bounds,

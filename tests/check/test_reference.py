@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from flint import fmpq, fmpq_mat
 
-from cfjax.check.rational import rational
-from cfjax.check.reference import Gap, heading_gap, is_closed
+from cfcheck.exact.rational import rational
+from cfcheck.path.reference import Gap, heading_gap, is_closed
 from cfjax.exact import exact_reference
 from tests.by_hand import ONE, TINY, ZERO, stated, tube
 

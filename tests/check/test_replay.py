@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from cfjax.check import Outcome, check_document, check_file
-from cfjax.check.document import document_hash
+from cfcheck import Outcome, check_document, check_file
+from cfcheck.claims.document import document_hash
 from tests.check.graphs import SLOPE, add_to_rate
 
 
@@ -83,7 +83,7 @@ def test_exit_codes(tmp_path: Path, certificate: dict[str, Any]) -> None:
 
 def test_nothing_but_python_flint_is_imported() -> None:
     program = (
-        "import sys; before = set(sys.modules); import cfjax.check.__main__; "
+        "import sys; before = set(sys.modules); import cfjax.check; "
         "print(sorted({name.split('.')[0] for name in set(sys.modules) - before} - sys.stdlib_module_names)); "
         "print(sorted(name for name in sys.modules if name.startswith('cfjax.')))"
     )
@@ -91,8 +91,8 @@ def test_nothing_but_python_flint_is_imported() -> None:
     environment = {**os.environ, "PYTHONPATH": root}
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True)
     packages, rooms = (json.loads(line.replace("'", '"')) for line in done.stdout.splitlines())
-    assert {name for name in packages if "cython" not in name} == {"cfjax", "flint"}
-    assert all(name == "cfjax.check" or name.startswith("cfjax.check.") for name in rooms)
+    assert {name for name in packages if "cython" not in name} == {"cfcheck", "cfjax", "flint"}
+    assert rooms == ["cfjax.check"]
 
 
 def claim(document: dict[str, Any], change: str) -> dict[str, Any]:
@@ -303,7 +303,7 @@ def test_memory_and_time(tmp_path: Path, contracting_text: str) -> None:
     """The promise is 10 s and 500 MB; both are far away."""
     (tmp_path / "certificate.json").write_text(contracting_text)
     program = (
-        "import time; started = time.perf_counter(); from cfjax.check.__main__ import main; "
+        "import time; started = time.perf_counter(); from cfcheck.__main__ import main; "
         f"code = main([{str(tmp_path)!r}]); "
         "peak = next(line for line in open('/proc/self/status') if line.startswith('VmHWM')); "
         "print(code, time.perf_counter() - started, peak.split()[1])"

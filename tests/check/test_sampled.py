@@ -14,25 +14,25 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import document_hash
+from cfcheck.claims.hints import Room
+from cfcheck.claims.problem import Course
+from cfcheck.claims.proof import MOST_EFFORT
+from cfcheck.exact.enclosure import Budget
+from cfcheck.path.reference import Gap
+from cfcheck.reader import Broken, Item
+from cfcheck.replay import check_robustness
+from cfcheck.robustness.derivatives import SteadyLeg, control_points, derivatives
+from cfcheck.robustness.ranges import SampledClaim
+from cfcheck.robustness.sampled import prove_sampled
+from cfcheck.robustness.sampled_hints import read_sampled
 from cfjax.certificate import certify
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.prover import NotProven
 from cfjax.certificate.robustness import robustness_document, with_holds
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.stretches import question_of
-from cfjax.check import Outcome, check_document
-from cfjax.check.document import document_hash
-from cfjax.check.enclosure import Budget
-from cfjax.check.held_derivatives import SteadyLeg, control_points, derivatives
-from cfjax.check.held_ranges import SampledClaim
-from cfjax.check.hints import Room
-from cfjax.check.problem import Course
-from cfjax.check.proof import MOST_EFFORT
-from cfjax.check.reader import Broken, Item
-from cfjax.check.reference import Gap
-from cfjax.check.replay import check_robustness
-from cfjax.check.sampled import prove_sampled
-from cfjax.check.sampled_hints import read_sampled
 from cfjax.control.prediction import nothing_sent, predict
 from cfjax.control.sampled import choose_for_hold
 from cfjax.errors import InputError

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck import Outcome, Report, check_document
+from cfcheck.claims.document import document_hash
+from cfcheck.exact.rational import rational
+from cfcheck.exact.symbolic import symbolic
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece, jumps_in_turning
+from cfcheck.reader import Broken
+from cfcheck.replay import check_robustness
+from cfcheck.vehicle.structure import has_tube_structure, require_affine_reference
 from cfjax.certificate import certify
 from cfjax.certificate.robustness import robustness_document
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check import Outcome, Report, check_document
-from cfjax.check.bounds import Bounds
-from cfjax.check.document import document_hash
-from cfjax.check.piece import Piece, jumps_in_turning
-from cfjax.check.rational import rational
-from cfjax.check.reader import Broken
-from cfjax.check.replay import check_robustness
-from cfjax.check.structure import has_tube_structure, require_affine_reference
-from cfjax.check.symbolic import symbolic
 from cfjax.exact import exact_course
 from cfjax.funnel import Funnel, template_named
 from cfjax.funnel.instance import Span, instance_of

@@ -7,17 +7,17 @@ from typing import Any
 import pytest
 from flint import fmpq
 
-from cfjax.check import Outcome, Report, check_document
-from cfjax.check.amounts import Absorbed, Robustness, Told
-from cfjax.check.bounds import Bounds, Extreme
-from cfjax.check.clearance import FootprintClaim, ObstacleClaim
-from cfjax.check.document import Claims, Witness
-from cfjax.check.funnel import FunnelClaim
-from cfjax.check.level import Contracting, Paper
-from cfjax.check.meaning import Assumptions
-from cfjax.check.proven import Proven, Refuted, Shown, Violation
-from cfjax.check.statement import VIOLATED, sections
-from cfjax.check.surroundings import Surroundings
+from cfcheck import Outcome, Report, check_document
+from cfcheck.claims.document import Claims, Witness
+from cfcheck.claims.funnel import FunnelClaim
+from cfcheck.claims.meaning import Assumptions
+from cfcheck.claims.proven import Proven, Refuted, Shown, Violation
+from cfcheck.claims.surroundings import Surroundings
+from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim
+from cfcheck.kernel.level import Contracting, Paper
+from cfcheck.path.bounds import Bounds, Extreme
+from cfcheck.robustness.amounts import Absorbed, Robustness, Told
+from cfcheck.statement import VIOLATED, sections
 from tests import by_hand
 from tests.by_hand import ONE, ZERO
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from flint import acb, arb, fmpq
 
+from cfcheck.claims.surroundings import Body
+from cfcheck.exact.enclosure import Budget
+from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim, Shadow
+from cfcheck.kernel.level import Contracting
+from cfcheck.kernel.sweep import UNIT, Hull, Nearby, Sweep, length_of
+from cfcheck.path.piece import Piece
+from cfcheck.path.reference import ExactPose
 from cfjax.certificate.hulls import Along, Disc, reaches
-from cfjax.check.clearance import FootprintClaim, ObstacleClaim, Shadow
-from cfjax.check.enclosure import Budget
-from cfjax.check.level import Contracting
-from cfjax.check.piece import Piece
-from cfjax.check.reference import ExactPose
-from cfjax.check.surroundings import Body
-from cfjax.check.sweep import UNIT, Hull, Nearby, Sweep, length_of
 
 
 def some_sweep(rng: np.random.Generator) -> Sweep:

@@ -5,8 +5,8 @@ import math
 import pytest
 from flint import fmpq, fmpq_mpoly
 
-from cfjax.check.graph import UNARY_FUNCTIONS, Graph, Node
-from cfjax.check.symbolic import Symbolic, symbolic
+from cfcheck.exact.graph import UNARY_FUNCTIONS, Graph, Node
+from cfcheck.exact.symbolic import Symbolic, symbolic
 
 
 def nested() -> Symbolic:

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import document_hash
+from cfcheck.claims.funnel import Model
+from cfcheck.claims.proof import Question
+from cfcheck.exact.graph import Graph
+from cfcheck.exact.rational import Matrix
+from cfcheck.exact.symbolic import Symbolic
+from cfcheck.path.bounds import Bounds
+from cfcheck.reader import Broken
+from cfcheck.vehicle.model import VehicleClaim
+from cfcheck.vehicle.structure import is_mirror, require_tube_structure
 from cfjax.certificate import certify, dump, refute
 from cfjax.certificate.mirror import mirrored as sought
-from cfjax.check import Outcome, check_document
-from cfjax.check.bounds import Bounds
-from cfjax.check.document import document_hash
-from cfjax.check.funnel import Model
-from cfjax.check.graph import Graph
-from cfjax.check.program import Matrix
-from cfjax.check.proof import Question
-from cfjax.check.reader import Broken
-from cfjax.check.structure import is_mirror, require_tube_structure
-from cfjax.check.symbolic import Symbolic
-from cfjax.check.vehicle import VehicleClaim
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Interval, KinematicBicycle, Method, Problem, ReferencePoint, affine_deviation, ball, tube
 from tests import by_hand

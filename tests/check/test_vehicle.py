@@ -3,12 +3,12 @@
 import pytest
 from flint import fmpq
 
+from cfcheck.claims.refutation import require_affine
+from cfcheck.exact.graph import Graph, Node
+from cfcheck.exact.symbolic import symbolic
+from cfcheck.reader import Broken
+from cfcheck.vehicle.model import VehicleClaim, check_known_vehicle
 from cfjax.certificate.trace import trace_deviation
-from cfjax.check.graph import Graph, Node
-from cfjax.check.reader import Broken
-from cfjax.check.refutation import require_affine
-from cfjax.check.symbolic import symbolic
-from cfjax.check.vehicle import VehicleClaim, check_known_vehicle
 from cfjax.problem import KinematicBicycle
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import cfjax.tubes.__main__
+from cfcheck.replay import check_file
 from cfjax.__main__ import COMMANDS, main
-from cfjax.check.replay import check_file
 
 
 TRACK = Path(__file__).parents[2] / "experiments" / "track.csv"

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import cfjax.export.__main__ as export
 import cfjax.simulate.__main__ as simulate
-from cfjax.check import Outcome, check_file
+from cfcheck import Outcome, check_file
 from cfjax.control.law import LAW_SHARE
 from cfjax.errors import InputError
 from cfjax.falsifier import first_escape

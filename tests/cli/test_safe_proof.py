@@ -16,7 +16,7 @@ import cfjax.report.page
 import cfjax.report.plot
 import cfjax.report.run_folder
 import cfjax.synthesis
-from cfjax.check import Outcome, check_file
+from cfcheck import Outcome, check_file
 from cfjax.conf import options_of, preset, problem_of
 from cfjax.learner import Found, Learned
 from cfjax.report.run_folder import read_run

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cfjax
-from cfjax.check import Outcome, check_document
+from cfcheck import Outcome, check_document
 from cfjax.conf import options_of, preset, problem_of, yaml_of
 from cfjax.learner.elimination import Elimination
 from cfjax.learner.run import PolytopeLearned

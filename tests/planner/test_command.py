@@ -8,9 +8,9 @@ import pytest
 from omegaconf import OmegaConf
 
 import cfjax
+from cfcheck import Outcome, check_document
+from cfcheck.reader import read_json
 from cfjax import InputError, Verdict
-from cfjax.check import Outcome, check_document
-from cfjax.check.reader import read_json
 from cfjax.conf import config_of, preset, problem_of, yaml_of
 from cfjax.job import question_of
 from cfjax.planner.__main__ import main

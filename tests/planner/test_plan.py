@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import cfjax
+from cfcheck import Outcome, check_document
+from cfcheck.reader import read_json
 from cfjax import InputError
-from cfjax.check import Outcome, check_document
-from cfjax.check.reader import read_json
 from cfjax.planner import Map, Plan, plan, planning
 from cfjax.problem import Pose, RosPose
 from tests.planner.scenes import BODY, BOUNDS, ENTRIES, GOAL, START, least_distance, scene, shape_of, walls

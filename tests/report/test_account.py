@@ -7,9 +7,9 @@ from pathlib import Path
 
 from flint import fmpq
 
+from cfcheck import Outcome, Report
+from cfcheck.robustness.amounts import Absorbed, Robustness, Told
 from cfjax.certificate.robustness import Hints
-from cfjax.check import Outcome, Report
-from cfjax.check.amounts import Absorbed, Robustness, Told
 from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.report.files import versions
 from cfjax.report.page.page import page_of

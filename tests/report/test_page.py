@@ -13,7 +13,7 @@ from flint import fmpq
 from playwright.sync_api import Browser, Page
 
 import cfjax.report.page.page
-from cfjax.check import Report
+from cfcheck import Report
 from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.problem import Problem

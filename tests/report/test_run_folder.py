@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from flint import fmpq
 
+from cfcheck import Outcome, Report, check_file
+from cfcheck.path.bounds import Bounds
+from cfcheck.replay import WITHOUT_PERIOD as LESS
+from cfcheck.robustness.amounts import Absorbed as ProvenAmounts
+from cfcheck.robustness.amounts import Robustness, Told
+from cfcheck.robustness.ranges import SampledClaim
 from cfjax.certificate.robustness import Hints
-from cfjax.check import Outcome, Report, check_file
-from cfjax.check.amounts import Absorbed as ProvenAmounts
-from cfjax.check.amounts import Robustness, Told
-from cfjax.check.bounds import Bounds
-from cfjax.check.held_ranges import SampledClaim
-from cfjax.check.replay import WITHOUT_PERIOD as LESS
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError, NotWritten
 from cfjax.problem import Frame, Interval, Tube

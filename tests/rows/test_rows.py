@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from cfjax.check import Outcome, check_document
+from cfcheck import Outcome, check_document
 from cfjax.conf import options_of, preset, problem_of
 from cfjax.falsifier import falsify
 from cfjax.result import Result

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfjax.check.program import monomials
+from cfcheck.kernel.program import monomials
 from cfjax.solver import SOLVERS, Program, Status, clarabel, solver_named
 from cfjax.solver.cost import COSTS, available_memory, cost_of
 

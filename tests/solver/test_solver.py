@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from cfjax.check.program import monomials
+from cfcheck.kernel.program import monomials
 from cfjax.solver import SOLVERS, Program, Solution, Solver, Status, batched, solver_named
 from cfjax.solver.clarabel import product_matrix
 from cfjax.solver.interior_point import State

@@ -9,8 +9,9 @@ import pytest
 import shapely
 from flint import fmpq
 
-from cfjax.check import Outcome, check_document, meaning
-from cfjax.check.document import document_hash
+from cfcheck import Outcome, check_document
+from cfcheck.claims import meaning
+from cfcheck.claims.document import document_hash
 from cfjax.errors import InputError
 from cfjax.options import Options
 from cfjax.problem import (

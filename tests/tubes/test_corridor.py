@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
-from cfjax.check import Outcome, check_document
-from cfjax.check.document import document_hash
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import document_hash
 from cfjax.errors import InputError
 from cfjax.options import Options
 from cfjax.problem import Disc, FootprintDisc, Obstacle, Path, Polygon, Problem, Wall, circle, oval, slalom, straight

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfjax.check.document import document_hash
-from cfjax.check.funnel import LAW_SHARE
-from cfjax.check.rational import rational
-from cfjax.check.reader import read_json
+from cfcheck.claims.document import document_hash
+from cfcheck.claims.funnel import LAW_SHARE
+from cfcheck.exact.rational import rational
+from cfcheck.reader import read_json
 from cfjax.errors import InputError
 from cfjax.exact import exact_reference, stated
 from cfjax.problem import KinematicBicycle, Path, Pose, Profile, Segment, Twist, circle, straight

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cfcheck import Outcome, check_document
+from cfcheck.claims.document import document_hash
 from cfjax import synthesis
-from cfjax.check import Outcome, check_document
-from cfjax.check.document import document_hash
 from cfjax.errors import InputError
 from cfjax.funnel import Objective
 from cfjax.options import Options

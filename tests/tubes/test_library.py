@@ -10,9 +10,9 @@ import pytest
 from flint import fmpq
 
 import cfjax
+from cfcheck import Outcome, check_file
 from cfjax.certificate import certify
 from cfjax.certificate.writing import dump
-from cfjax.check import Outcome, check_file
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import (

@@ -10,9 +10,9 @@ from typing import Any
 
 import jinja2
 
+from cfcheck import check_document
 from cfjax import coerce
 from cfjax.certificate.writing import dump
-from cfjax.check import check_document
 from cfjax.errors import InputError
 from cfjax.report.files import CONFIG, REPORT, RESULT, read_json, versions, write_whole
 from cfjax.report.page import tables

@@ -1,0 +1,172 @@
+"""How far a funnel reaches at each θ: the templates of V, each at one rate, in exact numbers.
+
+With the quadratic form q = xᵀ C x of the deviation and a rate (1/s) the funnel V ≤ 1 is q ≤ ρ(θ), as in
+`cfjax.funnel.template`:
+
+    paper        V = q + c0 θ         ρ(θ) = 1 − c0 θ
+    contracting  V = e^{kθ} q         ρ(θ) = e^{−kθ}
+
+V̇ = σ (q̇ + timing(q) u0) with σ = 1 and timing = c0, or σ = 1/ρ and timing = k q. That V falls at λ on the shell, and
+at λ V/β̲ below it, is −(q̇ + timing u0) ≥ λ drop with drop = min(1, V/β̲)/σ. Where ρ is not rational, rationals below
+and above it stand for it.
+"""
+
+import abc
+from dataclasses import dataclass
+from typing import ClassVar
+
+from flint import arb, arb_series, fmpq, fmpq_mpoly
+
+from cfcheck.exact.rational import Range, exp_bounds, sqrt_upper
+
+
+Affine = tuple[fmpq, fmpq]  # constant and slope, of a function of q
+
+
+@dataclass(frozen=True)
+class LevelPiece:
+    """A range of q = xᵀ C x and, on it, timing(q) and drop(q)."""
+
+    lower: fmpq
+    upper: fmpq
+    timing: Affine
+    drop: Affine
+
+    def timing_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
+        return self.timing[0] + self.timing[1] * q
+
+    def drop_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
+        return self.drop[0] + self.drop[1] * q
+
+    @property
+    def least_drop(self) -> fmpq:
+        constant, slope = self.drop
+        return min(constant + slope * self.lower, constant + slope * self.upper)
+
+
+@dataclass(frozen=True)
+class Level(abc.ABC):
+    """A template of V at one rate (1/s). ρ is monotone and starts at one; below rate zero the funnel grows."""
+
+    name: ClassVar[str]
+    rate_name: ClassVar[str]
+    rate: fmpq
+
+    @abc.abstractmethod
+    def form_bounds(self, value: fmpq, theta: fmpq) -> Range:
+        """Rationals below and above the q at which V = value ≥ 0 at θ (s)."""
+
+    def bounds(self, theta: fmpq) -> Range:
+        """Rationals below and above ρ(θ)."""
+        return self.form_bounds(fmpq(1), theta)
+
+    def extent(self, span: Range) -> Range:
+        """The same of all ρ(θ) with θ from one end of the span to the other."""
+        (first_low, first_high), (last_low, last_high) = map(self.bounds, span)
+        return min(first_low, last_low), max(first_high, last_high)
+
+    @abc.abstractmethod
+    def series(self, theta: arb, terms: int) -> arb_series:
+        """ρ at θ + u in powers of u, for every θ in the ball."""
+
+    @abc.abstractmethod
+    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
+        """V̇ where q and q̇ are these."""
+
+    @abc.abstractmethod
+    def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
+        """Upper bounds of √(s q) on V ≤ 1 and of s, where V is s q and a part of θ alone: s = 1, or s = 1/ρ.
+
+        `peak` is at least every ρ that is spoken of, and `least` at most every 1/σ.
+        """
+
+    @abc.abstractmethod
+    def inside(self, span: Range) -> list[LevelPiece]:
+        """Ranges of q that cover V ≤ 1 on a stretch of θ; `drop` is at most 1/σ there, so that V̇ is not underrated."""
+
+    def shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
+        """The shell β_in ≤ V ≤ 1 on a stretch of θ, θ itself eliminated: ranges of q that cover it; β_in ≤ β̲.
+
+        `drop` is at least what is asked at any θ of the stretch.
+
+        Raises:
+            ValueError: where the shell would hold the reference itself (q = 0).
+        """
+        pieces = self._shell(span, beta_lower, beta_inner)
+        if pieces[0].lower <= 0:
+            raise ValueError("the shell reaches the reference: c0 T has to stay below the shell's inner level")
+        return pieces
+
+    @abc.abstractmethod
+    def _shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
+        """The same, wherever it begins."""
+
+
+class Paper(Level):
+    """V = xᵀ C x + c0 θ, the paper's own."""
+
+    name = "paper"
+    rate_name = "c0"
+
+    def form_bounds(self, value: fmpq, theta: fmpq) -> Range:
+        return value - self.rate * theta, value - self.rate * theta
+
+    def series(self, theta: arb, terms: int) -> arb_series:
+        return arb_series([1 - self.rate * theta, arb(-self.rate)], prec=terms)
+
+    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
+        return form_rate + arb(self.rate) * u0
+
+    def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
+        return sqrt_upper(peak), fmpq(1)
+
+    def inside(self, span: Range) -> list[LevelPiece]:
+        zero = fmpq(0)
+        return [LevelPiece(zero, self.extent(span)[1], (self.rate, zero), (fmpq(1), zero))]
+
+    def _shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
+        zero, (least, peak) = fmpq(0), self.extent(span)
+        change, timing = 1 - least, (self.rate, zero)
+        rising, flat = (change / beta_lower, 1 / beta_lower), (fmpq(1), zero)
+        return _in_two(beta_inner - change, beta_lower - change, peak, timing, rising, flat)
+
+
+class Contracting(Level):
+    """V = e^{kθ} xᵀ C x: the level sets shrink at a relative rate."""
+
+    name = "contracting"
+    rate_name = "rate"
+
+    def form_bounds(self, value: fmpq, theta: fmpq) -> Range:
+        low, high = exp_bounds(-self.rate * theta)
+        return value * low, value * high
+
+    def series(self, theta: arb, terms: int) -> arb_series:
+        return arb_series([-self.rate * theta, arb(-self.rate)], prec=terms).exp()
+
+    def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
+        return arb(self.rate * theta).exp() * (form_rate + arb(self.rate * form) * u0)
+
+    def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
+        return fmpq(1), 1 / least
+
+    def inside(self, span: Range) -> list[LevelPiece]:
+        zero, (least, peak) = fmpq(0), self.extent(span)
+        timing = zero, self.rate
+        inner = LevelPiece(zero, least, timing, (least, zero))
+        return [inner, LevelPiece(least, peak, timing, (zero, fmpq(1)))] if least < peak else [inner]
+
+    def _shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
+        zero, (least, peak) = fmpq(0), self.extent(span)
+        rising, flat = (zero, 1 / beta_lower), (peak, zero)
+        return _in_two(beta_inner * least, beta_lower * peak, peak, (zero, self.rate), rising, flat)
+
+
+def _in_two(start: fmpq, kink: fmpq, peak: fmpq, timing: Affine, rising: Affine, flat: Affine) -> list[LevelPiece]:
+    """The shell's ranges of q: `rising` drop up to the kink, if it begins below that, a `flat` one from there on."""
+    outer = LevelPiece(kink, peak, timing, flat)
+    return [LevelPiece(start, kink, timing, rising), outer] if start < kink else [outer]
+
+
+LEVELS: dict[str, type[Level]] = {level.name: level for level in (Paper, Contracting)}
+"""Templates by name."""

@@ -1,0 +1,149 @@
+"""Bounds: a set of references. One of them, a stretch of a path, or every path within limits.
+
+In the body frame a path enters the dynamics only through its curvature κ = ω_r/v_r, its speed v_r, the acceleration
+a = dv_r/dθ and, where the states of a reference go with the curvature, its rate κ' = dκ/dθ. Bounds are intervals of
+these. Why their extreme references speak for all of them is shown on the vehicle's graph (`cfcheck.vehicle.structure`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+from flint import fmpq
+
+from cfcheck.exact.rational import Range, about
+from cfcheck.reader import Item
+
+
+BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate"
+MOST_EXTREMES = 16  # references of a stretch: ends of curvature and its rate, speed, acceleration
+
+
+class Extreme(NamedTuple):
+    """One reference that has to be proven, and the one at which the signs of its cells are read; by profile names."""
+
+    nominal: Mapping[str, fmpq]
+    profile: Mapping[str, fmpq]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """All references within closed intervals of curvature (1/m), speed (m/s), acceleration dv_r/dθ (m/s²).
+
+    With an interval of the curvature's rate dκ/dθ, 1/(m s), they are those of paths whose curvature does not jump, and
+    changes within it; without one the curvature may jump.
+    """
+
+    curvature: Range
+    speed: Range
+    acceleration: Range
+    curvature_rate: Range | None = None
+
+    @property
+    def intervals(self) -> dict[str, Range]:
+        """Those that there are, by name."""
+        named = {"curvature": self.curvature, "speed": self.speed, "acceleration": self.acceleration}
+        return named if self.curvature_rate is None else named | {"curvature_rate": self.curvature_rate}
+
+    @property
+    def is_single(self) -> bool:
+        """Whether they hold one reference alone."""
+        flat = all(lower == upper for lower, upper in (self.curvature, self.speed, self.acceleration))
+        return flat and self.curvature_rate in (None, (0, 0))
+
+    def lies_in(self, other: "Bounds") -> bool:
+        """Whether all of these references are among the other one's."""
+        own = self.intervals
+        return all(
+            name in own and lower <= own[name][0] and own[name][1] <= upper
+            for name, (lower, upper) in other.intervals.items()
+        )
+
+    def scaled(self, length: fmpq, speed: fmpq) -> "Bounds":
+        """The bounds of the similar paths: lengths and speeds multiplied by these."""
+        factors = {
+            "curvature": 1 / length,
+            "speed": speed,
+            "acceleration": speed**2 / length,
+            "curvature_rate": speed / length**2,
+        }
+        return Bounds(
+            **{name: (low * factors[name], high * factors[name]) for name, (low, high) in self.intervals.items()}
+        )
+
+    def extremes(self, mirrored: bool = False) -> list[Extreme]:
+        """References that speak for all: by curvature, then acceleration, then speed, lower ends first.
+
+        The two speeds of one curvature and acceleration have one nominal reference, and so one sign pattern and vertex:
+        the vertex that is best at the highest speed. (At lower ones acceleration may call for another u0, but thrust
+        then has room to make up for it, where at the highest speed a wrong u0 would cost most.)
+
+        With bounds of the curvature's rate they are the vertices of the box, and signs, and with them the one input of
+        all, are read in its middle: no mirror image speaks for another one there.
+        """
+        if self.curvature_rate is not None:
+            box = self.curvature, self.speed, self.acceleration, self.curvature_rate
+            middle = _profile(*((lower + upper) / 2 for lower, upper in box))
+            return [Extreme(middle, _profile(*vertex)) for vertex in product(*map(_ends, box))]
+        curvatures = [self.curvature[1]] if mirrored else _ends(self.curvature)
+        return [
+            Extreme(_profile(kappa, self.speed[1], a), _profile(kappa, v, a))
+            for kappa, a, v in product(curvatures, _ends(self.acceleration), _ends(self.speed))
+        ]
+
+
+def _profile(kappa: fmpq, v: fmpq, a: fmpq, kappa_rate: fmpq | None = None) -> dict[str, fmpq]:
+    """What the dynamics see of a reference; where the curvature may jump they may not depend on the slope."""
+    slope = fmpq(0) if kappa_rate is None else kappa_rate * v + kappa * a
+    return {"turn_rate": kappa * v, "speed": v, "turn_rate_slope": slope, "speed_slope": a}
+
+
+def _ends(interval: Range) -> list[fmpq]:
+    return sorted(set(interval))
+
+
+def place_of(extremes: Sequence[Extreme], index: int) -> str:
+    """Which reference is spoken of, in words; nothing where there is but one."""
+    if len(extremes) == 1:
+        return ""
+    profile = extremes[index].profile
+    curvature = profile["turn_rate"] / profile["speed"]
+    changing = (profile["turn_rate_slope"] - curvature * profile["speed_slope"]) / profile["speed"]
+    return (
+        f"curvature {about(curvature)} 1/m, speed {about(profile['speed'])} m/s, "
+        f"acceleration {about(profile['speed_slope'])} m/s^2, "
+        + (
+            f"curvature rate {about(changing)} 1/(m s), "
+            if any(each.profile["turn_rate_slope"] for each in extremes)
+            else ""
+        )
+    )
+
+
+def read_bounds(item: Item) -> Bounds:
+    """Intervals of curvature (1/m), speed (m/s) and acceleration (m/s²).
+
+    Raises:
+        Unreadable: says what was expected where.
+    """
+    return _bounds(item.record(*BOUNDS))
+
+
+def read_stretch_bounds(item: Item) -> Bounds:
+    """The same of a stretch of path, and the rate of its curvature, 1/(m s), where that is bounded."""
+    if isinstance(item.value, dict) and CURVATURE_RATE in item.value:
+        return _bounds(item.record(*BOUNDS, CURVATURE_RATE))
+    return read_bounds(item)
+
+
+def _bounds(entries: Sequence[Item]) -> Bounds:
+    found: list[Range] = []
+    for entry in entries:
+        lower, upper = (end.rational() for end in entry.items(2, 2))
+        if lower > upper:
+            entry.refuse("an interval, lower end first")
+        found.append((lower, upper))
+    if not found[BOUNDS.index("speed")][0] > 0:
+        entries[BOUNDS.index("speed")].refuse("speeds above zero")
+    return Bounds(**dict(zip((*BOUNDS, CURVATURE_RATE), found, strict=False)))
