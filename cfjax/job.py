@@ -96,7 +96,7 @@ def run(
     from cfjax.problem import Frame
     from cfjax.progress import progress_on
     from cfjax.report.files import refuse_finished
-    from cfjax.report.run_folder import Asked, keep_elsewhere, write_run
+    from cfjax.report.run_folder import RequiredPeriod, keep_elsewhere, write_run
     from cfjax.report.tracking import track
     from cfjax.synthesis import drive, harden, search
 
@@ -104,7 +104,7 @@ def run(
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
     asked = None
     if config.period is not None:
-        asked = Asked(config.period, config.delay, yaml_of(replace(config, period=None, delay=None)))
+        asked = RequiredPeriod(config.period, config.delay, yaml_of(replace(config, period=None, delay=None)))
     told: list[str] = []
     frame = Frame(config.frame)
     stopped: Interrupted | None = None

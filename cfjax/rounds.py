@@ -35,7 +35,7 @@ class _Aim:
     counterexamples: tuple[Counterexample, ...] = ()
 
 
-class Search:
+class LearnCertifyLoop:
     """The learn–certify loop of one problem, with its clock and its history."""
 
     def __init__(self, problem: Problem, options: Options, clock: Clock, workers: int) -> None:

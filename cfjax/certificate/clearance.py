@@ -33,7 +33,7 @@ from cfcheck.exact.enclosure import Budget
 from cfcheck.kernel.sweep import Nearby, Normal
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
-from cfjax.certificate.hulls import FAN, Along, Disc, Fan, Hulls, levels_of, rows_of
+from cfjax.certificate.hulls import FAN, Along, Fan, FunnelDisc, Hulls, levels_of, rows_of
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
 
@@ -74,7 +74,7 @@ def find_clearance(
     found = []
     for leg in legs:
         body = Body(shadows_of(leg, surroundings.footprint), nearby, budget)
-        search = Search(leg, body, hulls)
+        search = SeparationSearch(leg, body, hulls)
         try:
             found.append(search.stretches(along.some(slice(leg.begin, leg.end))))
         except NotClear as failure:
@@ -84,7 +84,7 @@ def find_clearance(
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class SeparationSearch:
     """For the stretches of one leg, each of which is proven as soon as it is found."""
 
     leg: Leg
@@ -92,8 +92,8 @@ class Search:
     hulls: Hulls
 
     @cached_property
-    def _discs(self) -> list[Disc]:
-        return [Disc.of(shadow) for shadow in self.body.shadows]
+    def _discs(self) -> list[FunnelDisc]:
+        return [FunnelDisc.of(shadow) for shadow in self.body.shadows]
 
     def stretches(self, along: Along) -> tuple[ClearStretch, ...]:
         """From θ = 0 to the leg's end; `along` are its pieces.
@@ -190,7 +190,7 @@ class Look:
     """A disc at samples along a part of a piece, and the hulls near it."""
 
     all_hulls: Hulls
-    disc: Disc
+    disc: FunnelDisc
     hulls: Int[np.ndarray, " h"]
     theta: Float[np.ndarray, " t"]  # s, from the start of the leg
     poses: Float[np.ndarray, "t 3"]

@@ -119,7 +119,7 @@ class Along(NamedTuple):
         return np.sqrt(np.maximum(self.way**2 - chord**2, 0.0)) / 2
 
 
-class Disc(NamedTuple):
+class FunnelDisc(NamedTuple):
     """A disc of the body and its funnel's C⁻¹ in floating point."""
 
     radius: float
@@ -127,7 +127,7 @@ class Disc(NamedTuple):
     spread: Float[np.ndarray, "3 3"]
 
     @classmethod
-    def of(cls, shadow: Shadow) -> "Disc":
+    def of(cls, shadow: Shadow) -> "FunnelDisc":
         spread = np.array([[float(shadow.inverse[i, j]) for j in range(3)] for i in range(3)])
         return cls(float(shadow.disc.radius), float(shadow.disc.offset), spread)
 
@@ -153,7 +153,7 @@ class Disc(NamedTuple):
 
 
 def reaches(
-    along: Along, level: Float[np.ndarray, " p"], disc: Disc, units: Float[np.ndarray, "k 2"]
+    along: Along, level: Float[np.ndarray, " p"], disc: FunnelDisc, units: Float[np.ndarray, "k 2"]
 ) -> Float[np.ndarray, "p k"]:
     """The checker's bound of first order: n·p for all points p that the disc gets to, along directions."""
     facing = np.arctan2(units[:, 1], units[:, 0]) - along.heading[:, None]
@@ -178,7 +178,7 @@ class Rows(NamedTuple):
     room: Float[np.ndarray, "n k"]  # m
 
 
-def rows_of(hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: Disc, every: int = 1) -> Rows:
+def rows_of(hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: FunnelDisc, every: int = 1) -> Rows:
     """All of them that the checker may ask for, of one disc; `every` so many directions of the fan."""
     apart = (along.apart() + disc.size(level))[:, None]
     piece, hull = hulls.near(np.minimum(along.start, along.end) - apart, np.maximum(along.start, along.end) + apart)

@@ -135,7 +135,7 @@ def held_shape(states: int) -> Shape:
     return states, (DEGREES[0], DEGREES[1], DEGREES[1])
 
 
-class _Stretch(NamedTuple):
+class _HintedInterval(NamedTuple):
     """Hints for a stretch of θ that begins here, and the bounds of V̈ on its ranges of levels (1/s²)."""
 
     begin: fmpq
@@ -154,9 +154,9 @@ def hints_along(question: Question, legs: Sequence[Leg], ends: list[fmpq], solve
         NotProven, Broken, ValueError: as `robustness_document`.
     """
 
-    def bounded(begin: fmpq, end: fmpq) -> _Stretch:
+    def bounded(begin: fmpq, end: fmpq) -> _HintedInterval:
         levels = [_levels(motion, solver) for motion, _ in motions(question, legs, (begin, end))]
-        return _Stretch(begin, end, {"end": str(end), "levels": levels}, list(map(_bend, levels)))
+        return _HintedInterval(begin, end, {"end": str(end), "levels": levels}, list(map(_bend, levels)))
 
     found = [bounded(*span) for span in itertools.pairwise([fmpq(0), *ends])]
     for _ in range(min(HALVINGS, MOST_STRETCHES - len(found))):

@@ -18,7 +18,7 @@ from cfjax.planner.bends import Bends
 from cfjax.planner.field import Field, field_of
 from cfjax.planner.map import Map
 from cfjax.planner.map_file import read_map
-from cfjax.planner.room import Limits, limits_of
+from cfjax.planner.room import PlanLimits, limits_of
 from cfjax.planner.search import Node, NoWay, Search
 from cfjax.planner.smooth import smoothed
 from cfjax.planner.widest import widest_gap
@@ -204,7 +204,7 @@ class _Question:
     map: Map
     start: Node
     goal: Node
-    limits: Limits
+    limits: PlanLimits
 
     def check_ends(self) -> None:
         """Raises InputError where the body in its tube cannot stand at the start or at the goal."""

@@ -38,7 +38,7 @@ EAGER = 1.6  # what remains counts so much more: nearly as short, found much soo
 Node = tuple[complex, float]
 
 
-class Body(NamedTuple):
+class BodyDiscs(NamedTuple):
     """Discs along the forward axis: offsets, and how far from obstacles each centre has to be (m)."""
 
     offset: Float[np.ndarray, " discs"]
@@ -79,7 +79,7 @@ def _moved(curvature: float | np.ndarray, s: np.ndarray) -> Complex[np.ndarray, 
 class Search:
     """Ways for a body through a field, with at most a curvature (1/m); `soft` m to spare, wherever there is room."""
 
-    def __init__(self, field: Field, body: Body, goal: Node, curvature: float, soft: float) -> None:
+    def __init__(self, field: Field, body: BodyDiscs, goal: Node, curvature: float, soft: float) -> None:
         self.field, self.body, self.goal, self.soft = field, body, goal, soft
         self.curvature = curvature
         self.step = STEP / curvature
@@ -172,7 +172,7 @@ class Search:
             added = tree.add(node, end, [(bend, self.step)], float(prices[b, k]))
             heapq.heappush(queue, (tree.cost[added] + float(left[b, k]), added))
 
-    def _bent(self, place: np.ndarray, direction: np.ndarray, body: Body) -> tuple[np.ndarray, np.ndarray]:
+    def _bent(self, place: np.ndarray, direction: np.ndarray, body: BodyDiscs) -> tuple[np.ndarray, np.ndarray]:
         """Where the bends lead to from poses, and the room along them."""
         ahead = np.exp(1j * direction)[:, None, None]
         samples = place[:, None, None] + ahead * self.ways

@@ -25,7 +25,7 @@ from cfjax.problem.vehicle import Interval, Scalar, Twist, Vehicle
 DIGITS = 4  # of a gain that is computed: people read it, and a short number is proven faster
 
 
-class Asked(NamedTuple):
+class LawContext(NamedTuple):
     """What a law is for, as far as it may fit itself to it."""
 
     vehicle: Vehicle
@@ -48,7 +48,7 @@ class FeedbackLaw(abc.ABC):
         `speed_slope`.
         """
 
-    def fitted(self, asked: Asked) -> "FeedbackLaw":
+    def fitted(self, asked: LawContext) -> "FeedbackLaw":
         """The law with what it takes from the question, a gain say.
 
         Raises:
@@ -88,7 +88,7 @@ class LinearLaw(FeedbackLaw):
             for rest, row in zip(self.centre, self.gain, strict=True)
         )
 
-    def fitted(self, asked: Asked) -> "LinearLaw":
+    def fitted(self, asked: LawContext) -> "LinearLaw":
         if asked.reference is None:
             raise InputError("law=linear: expected a path that is one straight line or one circle")
         gain = _regulator(asked, asked.reference) if self.gain is None else self.gain
@@ -104,7 +104,7 @@ def _holding(vehicle: Vehicle, point: ReferencePoint) -> tuple[float, ...]:
     return tuple(float(entry) + 0.0 for entry in feedforward(vehicle, point))  # no −0
 
 
-def _regulator(asked: Asked, point: ReferencePoint) -> tuple[tuple[float, ...], ...]:
+def _regulator(asked: LawContext, point: ReferencePoint) -> tuple[tuple[float, ...], ...]:
     """K of the linear-quadratic regulator about the reference; u0 is one of its inputs where it is free.
 
     Raises:

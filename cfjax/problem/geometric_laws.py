@@ -20,7 +20,7 @@ from cfjax import coerce
 from cfjax.coerce import Number
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint
-from cfjax.problem.feedback import Asked, FeedbackLaw
+from cfjax.problem.feedback import FeedbackLaw, LawContext
 from cfjax.problem.vehicle import Scalar, Vehicle
 
 
@@ -45,7 +45,7 @@ class GeometricLaw(FeedbackLaw):
         bend = None if curvature is None else coerce.number("law.curvature", curvature, "1/m")
         coerce.keep(self, speed_gain=coerce.number("law.speed_gain", speed_gain, "1/s", least=0), curvature=bend)
 
-    def fitted(self, asked: Asked) -> "GeometricLaw":
+    def fitted(self, asked: LawContext) -> "GeometricLaw":
         if asked.vehicle.input_names not in STEERED or not hasattr(asked.vehicle, "wheelbase"):
             raise InputError(f"law={self.name}: expected a car with a wheelbase that is steered by w, got others")
         if asked.reference is None:

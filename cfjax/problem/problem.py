@@ -18,7 +18,7 @@ from cfjax.problem.deviation import (
     affine_deviation,
     held,
 )
-from cfjax.problem.feedback import Asked, FeedbackLaw, Steered
+from cfjax.problem.feedback import FeedbackLaw, LawContext, Steered
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, footprint_of, obstacles_of
 from cfjax.problem.path import Path
 from cfjax.problem.room import nearest, require_clear
@@ -140,7 +140,7 @@ class Problem:
         self._check_references()
         self._check_obstacles()
         if self.law is not None:
-            asked = Asked(self.vehicle, self.path.steady_reference, self.inputs, self.inlet.half_axes)
+            asked = LawContext(self.vehicle, self.path.steady_reference, self.inputs, self.inlet.half_axes)
             coerce.keep(self, law=self.law.fitted(asked))
 
     def _check_sets(self) -> None:

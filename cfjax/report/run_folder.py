@@ -70,7 +70,7 @@ Check = Callable[[Path], Report]
 
 
 @dataclasses.dataclass(frozen=True)
-class Asked:
+class RequiredPeriod:
     """What a run has to prove beside a funnel: period and delay (s); and the configuration that does not ask for it."""
 
     period: float
@@ -94,7 +94,7 @@ def write_run(
     frame: Frame = Frame.PAPER,
     page: Callable[[Result, Path], None] | None = None,
     progress: Progress | None = None,
-    asked: Asked | None = None,
+    asked: RequiredPeriod | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
@@ -169,7 +169,7 @@ def _clear(folder: Path) -> None:
                 path.unlink(missing_ok=True)
 
 
-def _write_without_period(asked: Asked, proven: Result, folder: Path, again: Callable[..., Result]) -> None:
+def _write_without_period(asked: RequiredPeriod, proven: Result, folder: Path, again: Callable[..., Result]) -> None:
     """A run of its own from what is proven, but not as asked; nothing in the folder itself claims it any more.
 
     `again` writes a run as this one is written.
@@ -189,7 +189,7 @@ def keep_elsewhere(
     config_yaml: str,
     points: bytes | None = None,
     frame: Frame = Frame.PAPER,
-    asked: Asked | None = None,
+    asked: RequiredPeriod | None = None,
 ) -> tuple[Result, Path]:
     """The run that `folder` did not take, in a new folder where the system has room: without picture, page and cars.
 

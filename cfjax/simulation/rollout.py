@@ -26,7 +26,7 @@ from cfjax.problem import Problem, Vehicle
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.result import ClosedLoop, Rollouts
-from cfjax.simulation.clearance import Surroundings, clearance, surroundings
+from cfjax.simulation.clearance import ObstacleArrays, clearance, surroundings
 from cfjax.simulation.loop import (
     MOST_ROWS,
     RECORDED,
@@ -95,7 +95,7 @@ def drive(
     stride: int,
     legs: Legs,
     profiles: Pieces,
-    obstacles: tuple[Pieces, Surroundings] | None,
+    obstacles: tuple[Pieces, ObstacleArrays] | None,
     starts: Float[Array, "k n"],
     limit: Int[Array, ""],
     every: Int[Array, ""],
@@ -221,7 +221,7 @@ class _Launch(NamedTuple):
     """A question to `drive`: the compiled program, and what it is given for each share of the cars."""
 
     program: Traced
-    arguments: list[tuple[Legs, Pieces, tuple[Pieces, Surroundings] | None, Float[np.ndarray, "k n"], int, int]]
+    arguments: list[tuple[Legs, Pieces, tuple[Pieces, ObstacleArrays] | None, Float[np.ndarray, "k n"], int, int]]
 
     @property
     def end(self) -> float:

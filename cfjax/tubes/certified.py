@@ -108,7 +108,7 @@ class CertifiedTube:
         return metres(self.margin_per_metre, fastest) * contraction_way(self.beta_lower, level)
 
 
-class Run(NamedTuple):
+class TubeLeg(NamedTuple):
     """Pieces begin, …, end − 1 of a path in one tube."""
 
     begin: int

@@ -11,9 +11,9 @@ from cfcheck.claims.surroundings import Body, Clearance, Surroundings, shadows_o
 from cfcheck.exact.enclosure import Budget
 from cfcheck.kernel.sweep import Nearby
 from cfcheck.path.reference import Reference
-from cfjax.certificate.clearance import SAFE, NotClear, Search, find_clearance
-from cfjax.certificate.hulls import FAN, ROUGH, Along, Disc, Hulls, levels_of, rows_of
-from cfjax.tubes.certified import CertifiedTube, Run
+from cfjax.certificate.clearance import SAFE, NotClear, SeparationSearch, find_clearance
+from cfjax.certificate.hulls import FAN, ROUGH, Along, FunnelDisc, Hulls, levels_of, rows_of
+from cfjax.tubes.certified import CertifiedTube, TubeLeg
 from cfjax.tubes.violation import InTheWay
 
 
@@ -49,7 +49,7 @@ def choose_clear(
         except ValueError as error:
             raise InTheWay(f"{error}{places.beside()}") from None
         legs = [
-            Run(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
+            TubeLeg(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
         ]
         try:
             return chain, find_clearance(surroundings, legs, hulls, along)
@@ -80,11 +80,11 @@ class _Places:
     def leave_out(self, index: int, tube: CertifiedTube) -> None:
         """Places at which the body may touch something, as far as bounds of first order and samples tell."""
         reference = self.reference
-        leg = Run(0, len(reference.pieces), tube).leg(reference)
+        leg = TubeLeg(0, len(reference.pieces), tube).leg(reference)
         shadows = shadows_of(leg, self.surroundings.footprint)
-        search = Search(leg, Body(shadows, Nearby(()), Budget()), self.hulls)
+        search = SeparationSearch(leg, Body(shadows, Nearby(()), Budget()), self.hulls)
         level = levels_of(leg)
-        for disc in map(Disc.of, shadows):
+        for disc in map(FunnelDisc.of, shadows):
             own = np.flatnonzero(self.holds[index])
             rows = rows_of(self.hulls, self.along.some(own), level[own], disc, ROUGH)
             doubtful = rows.room.max(axis=1) <= SAFE

@@ -30,7 +30,7 @@ from cfjax.problem.obstacles import footprint_of, obstacles_of
 from cfjax.problem.path import Path, Pose, Profile, Segment
 from cfjax.problem.room import require_clear
 from cfjax.rounded import rounded_down, rounded_up
-from cfjax.tubes.certified import CertifiedTube, Run, timing_of
+from cfjax.tubes.certified import CertifiedTube, TubeLeg, timing_of
 from cfjax.tubes.choice import choose, needed_distance, proven_ratios
 from cfjax.tubes.store import library, proven_tubes
 from cfjax.tubes.vehicles import parameters_of, why_none
@@ -89,7 +89,7 @@ class Following:
     closed: bool
     end_level: float  # V of the last tube is at most this at the end
     arrival: tuple[float, float]
-    runs: tuple[Run, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and ratios
+    runs: tuple[TubeLeg, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and ratios
     ratios: tuple[fmpq, ...]
     timing: Range  # of all tubes together
     vehicle: Vehicle | None = None  # that drives, where it is known
@@ -99,7 +99,7 @@ class Following:
     def __post_init__(self) -> None:
         instance("path", self.path, Path)
         instance("reference", self.reference, Reference)
-        for name, kind in (("tubes", Stretch), ("links", Link), ("runs", Run), ("ratios", fmpq)):
+        for name, kind in (("tubes", Stretch), ("links", Link), ("runs", TubeLeg), ("ratios", fmpq)):
             instances(name, getattr(self, name), kind)
 
     @property
@@ -263,7 +263,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surround
         )
     else:
         chain, clearance = choose(reference, tubes, holds, gap), ()
-    runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
+    runs = [TubeLeg(begin, end, tubes[index]) for begin, end, index in chain]
     if any((run.tube.vehicle, run.tube.parameters) != (runs[0].tube.vehicle, runs[0].tube.parameters) for run in runs):
         raise ValueError("expected tubes that are certified for one vehicle")
     order = [index for _, _, index in chain] + ([chain[0][2]] if closed else [])
@@ -287,7 +287,7 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surround
     )
 
 
-def _link(joint: Joint, runs: Sequence[Run], fastest: fmpq) -> Link:
+def _link(joint: Joint, runs: Sequence[TubeLeg], fastest: fmpq) -> Link:
     """A proven joint in floating-point numbers."""
     first, second = runs[joint.before.index].tube, runs[joint.after.index].tube
     found = needed_distance(first, second, joint.ratio, joint.jump, fastest)
@@ -338,7 +338,7 @@ def _certified_path(
     return Path(name, tuple(result))
 
 
-def _stretches(pieces: Sequence[Piece], runs: Sequence[Run]) -> tuple[Stretch, ...]:
+def _stretches(pieces: Sequence[Piece], runs: Sequence[TubeLeg]) -> tuple[Stretch, ...]:
     found: list[Stretch] = []
     for run in runs:
         fresh = True

@@ -12,7 +12,7 @@ import pytest
 
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.rounding import round_funnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
+from cfjax.certificate.stretches import ThetaInterval, bounded, decreases_on, question_of
 from cfjax.certificate.trace import PROFILE_INPUTS, trace_deviation
 from cfjax.errors import InputError
 from cfjax.exact import exact_course
@@ -187,7 +187,7 @@ def test_poles_in_the_funnel_are_refused() -> None:
         decreases_on(question_of(statement_of(problem).claim, rounded), rounded, _whole(problem))
 
 
-def _whole(problem: Problem) -> Stretch:
+def _whole(problem: Problem) -> ThetaInterval:
     """The one stretch of a steady segment."""
     course = exact_course(problem.path)
     return bounded(course.pieces, course.pieces[0].theta, course.duration)

@@ -23,7 +23,15 @@ from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError, NotWritten
 from cfjax.problem import Frame, Interval, Tube
 from cfjax.report.result_json import result_json, result_of
-from cfjax.report.run_folder import Asked, Check, _write_without_period, confirmed, read_frame, read_run, write_run
+from cfjax.report.run_folder import (
+    Check,
+    RequiredPeriod,
+    _write_without_period,
+    confirmed,
+    read_frame,
+    read_run,
+    write_run,
+)
 from cfjax.result import Absorbed, Result, Sampled, SegmentResult, StretchMargin
 from cfjax.result import Robustness as Robust
 from cfjax.verdict import Verdict
@@ -392,8 +400,8 @@ ONE_LAW = Robustness(NONE, fmpq(1), NONE, fmpq(1), (), (Told(fmpq(3, 10), None, 
 SHORT = SampledClaim(fmpq(1, 50), 3, fmpq(1, 2), ((fmpq(1), fmpq(0), fmpq(0)),), (fmpq(1),), ())
 
 
-def asked_of(period: float, delay: float | None = None) -> Asked:
-    return Asked(period, delay, yaml_of(preset("circle")))
+def asked_of(period: float, delay: float | None = None) -> RequiredPeriod:
+    return RequiredPeriod(period, delay, yaml_of(preset("circle")))
 
 
 def checked(path: Path) -> Report:
@@ -416,7 +424,7 @@ def checked(path: Path) -> Report:
     ids=["nothing found", "a shorter one", "no delay"],
 )
 def test_a_run_whose_period_is_not_proven_is_not_certified(
-    hand_made: Make, asked: Asked, hints: Hints, why: str, tmp_path: Path
+    hand_made: Make, asked: RequiredPeriod, hints: Hints, why: str, tmp_path: Path
 ) -> None:
     folder, config = tmp_path / "run", yaml_of(preset("circle", [f"period={asked.period}"]))
     claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
