@@ -25,11 +25,11 @@ plants, NAME or NAME:key=value,… (SI units; steering in rad, thrust in m/s^2):
   slipx                     SlipX's double track, wheelbase 0.32 m; tens of cars               (extra: plants)
 
 noise, words and key=value, separated by commas:
-  none; mocap (heading=0.003,position=0.001,speed=0.02); wifi (delay=0.02,jitter=0.02,drop=0.05)
+  none; mocap (heading=0.003,position=0.001,speed=0.02); wifi (delay=0.02,jitter=0.02,loss=0.05)
   heading=rad, position=m, speed=m/s       standard deviations
   bias_heading=rad, bias_x=m, bias_y=m, bias_speed=m/s
   delay=s, jitter=s                        a pose is delay + jitter * U old, U uniform in [0, 1]
-  drop=share                               of samples that do not arrive: the last one stands
+  loss=share                               of samples that do not arrive: the last one stands
 """
 
 

@@ -93,7 +93,7 @@ def _searched(problem: Problem, options: Options, clock: Clock) -> Result:
         _require_tubes(problem.vehicle)
         return _by_tubes(problem, options, clock)
     if (
-        problem.authority != 1
+        problem.input_share != 1
         or _is_short(problem.path)
         or not _fits_tubes(options)
         or not has_tube_structure(dynamics_of(problem.vehicle))

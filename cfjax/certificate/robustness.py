@@ -183,8 +183,8 @@ def hints_within(question: Question, bounds: Bounds, solver: Solver) -> list[dic
     require_tube_structure(question.dynamics)
     found = []
     for band in itertools.pairwise(speed_bands(bounds)):
-        asked = motions_within(question, bounds, band)
-        found.append({"end": str(band[1]), "levels": [_levels(motion, solver) for motion, _ in asked]})
+        motions_and_levels = motions_within(question, bounds, band)
+        found.append({"end": str(band[1]), "levels": [_levels(motion, solver) for motion, _ in motions_and_levels]})
     return found
 
 

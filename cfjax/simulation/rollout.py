@@ -271,8 +271,8 @@ def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law | 
         Leg(float(end), Funnel(template, shape, 0.0, segment.duration), 1.0)
         for segment, end in zip(course, ends, strict=True)
     ]
-    asked = _launch(problem, legs, cars, 0, law)
-    asked.program.prepare(*asked.arguments[0])
+    launch = _launch(problem, legs, cars, 0, law)
+    launch.program.prepare(*launch.arguments[0])
 
 
 def drive_cars(
@@ -299,11 +299,11 @@ def drive_cars(
         if leg.margin_per_metre <= 0:
             raise InputError("legs: expected one with a margin per metre, as tubes have, got one without")
         return drive_tube_cars(problem, leg.funnel, leg.margin, leg.margin_per_metre, cars=cars, seed=seed)
-    asked = _launch(problem, legs, cars, seed, law)
-    (last, _, clear), history = asked.answer()
+    launch = _launch(problem, legs, cars, seed, law)
+    (last, _, clear), history = launch.answer()
     rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)
-    arrived = last.theta >= asked.end
+    arrived = last.theta >= launch.end
     largest, clock = last.largest_value, last.clock[arrived]
     inside = (last.worst_safe <= 1 + ROUNDING) & (clear >= -ROUNDING)
     summary = ClosedLoop(

@@ -299,8 +299,8 @@ def _decide(world: World, car: CarState, key: PRNGKeyArray) -> tuple[CarState, H
     """Measure, act, and see how long the command is held."""
     seen, sensor = world.sensor.measure(key, car.state, car.sensor, car.clock, world.period)
     begin = world.controller.theta(car.memory)
-    told, memory = world.controller.act(seen, car.memory, car.clock)
-    command = jnp.clip(told, world.lower, world.upper)
+    commanded, memory = world.controller.act(seen, car.memory, car.clock)
+    command = jnp.clip(commanded, world.lower, world.upper)
     pace = (world.controller.theta(memory) - begin) / world.period
     left = (world.track.end - begin) / jnp.where(pace > 0, pace, 1.0)
     duration = jnp.where(pace > 0, jnp.clip(left, 0.0, world.period), world.period)
@@ -377,8 +377,8 @@ def _hold(
 
     def rate(time: Any, z: Array, _: None) -> Array:
         # around a rate that is no number adaptive steps would shrink for ever: the plant stays, and is found there
-        told = true_rate(time, z)
-        return jnp.where(jnp.all(jnp.isfinite(told)), told, 0.0)
+        slope = true_rate(time, z)
+        return jnp.where(jnp.all(jnp.isfinite(slope)), slope, 0.0)
 
     def outside(t: Any, y: Array, args: None, **_: Any) -> Array:
         # a car that began outside is not stopped

@@ -581,15 +581,15 @@ def test_v_has_to_be_low_enough_where_the_lap_begins_again(absorbed: Any) -> Non
 
 def test_authority_makes_the_box_smaller_around_what_the_reference_needs() -> None:
     problem = Problem(Path("line", (Segment(Profile.constant(0.5, 1.0), Profile.constant(1.0, 1.0), Pose(0, 0, 0)),)))
-    half = Problem(problem.path, authority=0.5)
+    half = Problem(problem.path, input_share=0.5)
     needed = problem.feedforward(problem.path.segments[0].point(0.0))
     for full, small, middle in zip(problem.inputs, half.inputs, needed, strict=True):
         assert small.lower == pytest.approx((full.lower + middle) / 2)
         assert small.upper == pytest.approx((full.upper + middle) / 2)
-    tracking = Problem(problem.path, authority=0.5, method=Method.TT)
+    tracking = Problem(problem.path, input_share=0.5, method=Method.TT)
     assert tracking.inputs[0].lower == tracking.inputs[0].upper == 1.0
-    with pytest.raises(InputError, match=r"authority: expected 1 for a path that tubes hold, got 0\.5"):
+    with pytest.raises(InputError, match=r"input_share: expected 1 for a path that tubes hold, got 0\.5"):
         check_question(half, Options(certificate="tube"))
     for wrong in (0.0, 1.5, float("nan")):
-        with pytest.raises(ValueError, match="authority: expected a number above 0 and at most 1"):
-            Problem(problem.path, authority=wrong)
+        with pytest.raises(ValueError, match="input_share: expected a number above 0 and at most 1"):
+            Problem(problem.path, input_share=wrong)
