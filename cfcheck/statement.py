@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.containment import half_widths
+from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims
-from cfcheck.claims.funnel import LAW_SHARE, FunnelClaim
-from cfcheck.claims.meaning import Assumptions
 from cfcheck.claims.problem import Course, ProblemClaim
 from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation
-from cfcheck.claims.surroundings import Surroundings
+from cfcheck.clearance.surroundings import Surroundings
 from cfcheck.exact.rational import Range, about, decimal_text
+from cfcheck.kernel.containment import half_widths
+from cfcheck.kernel.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.path.bounds import Bounds, place_of
 from cfcheck.robustness.amounts import Robustness, Told
 from cfcheck.robustness.ranges import SampledClaim

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 from flint import acb, arb, fmpq
 
-from cfcheck.claims.surroundings import Clearance, Surroundings, WallClaim
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim
+from cfcheck.clearance.surroundings import Clearance, Surroundings, WallClaim
 from cfcheck.exact.polynomial import Coefficients, evaluate, shifted
 from cfcheck.exact.rational import decimal_text, rational, upper_bound
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap

@@ -8,12 +8,12 @@ from flint import acb, fmpq
 
 from cfcheck import Outcome, Report
 from cfcheck.claims.document import Claims, LegClaim
-from cfcheck.claims.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.claims.problem import Course, ProblemClaim
 from cfcheck.claims.proven import Proven
-from cfcheck.claims.surroundings import Surroundings
+from cfcheck.clearance.surroundings import Surroundings
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import Range, rational
+from cfcheck.kernel.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.kernel.level import Contracting
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece

@@ -10,11 +10,12 @@ from typing import NamedTuple
 
 from flint import acb, arb, fmpq
 
-from cfcheck.claims.funnel import Inputs, Model
-from cfcheck.claims.surroundings import Surroundings, read_surroundings
+from cfcheck.clearance.surroundings import Surroundings, read_surroundings
 from cfcheck.exact.graph import ARITY, MOST_INPUTS, MOST_NODES, MOST_STATES, Graph, Node
 from cfcheck.exact.polynomial import Coefficients
 from cfcheck.exact.rational import bits
+from cfcheck.kernel.containment import Sets
+from cfcheck.kernel.funnel import Inputs, Model
 from cfcheck.kernel.law import READABLE, LawClaim
 from cfcheck.path.bounds import Bounds, read_bounds
 from cfcheck.path.piece import Piece, are_steady
@@ -76,6 +77,10 @@ class ProblemClaim:
     def is_lap(self) -> bool:
         """Whether the path is driven again and again."""
         return isinstance(self.course, Course) and self.course.closed
+
+    def sets(self, *, is_first: bool, is_last: bool) -> Sets:
+        """The sets with which a funnel of its path is compared."""
+        return Sets(self.inlet if is_first else None, self.goal if is_last else None, self.safe)
 
     @property
     def fastest(self) -> fmpq:

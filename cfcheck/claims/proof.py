@@ -14,18 +14,18 @@ from functools import cached_property
 
 from flint import fmpq
 
-from cfcheck.claims.containment import Sets, broken_containments
+from cfcheck.claims.assumptions import require_meaning
 from cfcheck.claims.document import Certificate, Claims
-from cfcheck.claims.funnel import FunnelClaim, Model
 from cfcheck.claims.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
-from cfcheck.claims.legs import Leg, different, prove_joints
-from cfcheck.claims.meaning import require_meaning
 from cfcheck.claims.problem import ProblemClaim
-from cfcheck.claims.surroundings import prove_surroundings
+from cfcheck.clearance.surroundings import prove_surroundings
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfcheck.exact.rational import Range, about, bits, decimal_text
 from cfcheck.exact.symbolic import Symbolic, symbolic
+from cfcheck.kernel.containment import broken_containments
 from cfcheck.kernel.decrease import SteadyDecrease
+from cfcheck.kernel.funnel import FunnelClaim, Model
+from cfcheck.kernel.legs import Leg, different, prove_joints
 from cfcheck.kernel.program import CellProof
 from cfcheck.path.bounds import Bounds, Extreme, place_of
 from cfcheck.path.piece import between, turning_jumps
@@ -175,7 +175,7 @@ def prove_sets(claims: Claims, finish: fmpq) -> None:
         is_first, is_last = index == claims.first, index == claims.last
         legs = claims.legs_of(index)  # of equal duration, where the funnel changes with θ
         end = funnel.level.form_bounds(finish if is_last else fmpq(1), legs[0].duration if legs else fmpq(0))
-        sets = Sets.of(problem, is_first, is_last)
+        sets = problem.sets(is_first=is_first, is_last=is_last)
         if broken := broken_containments(problem.vehicle.states, funnel.shape, end, sets):
             raise Broken(of_funnel(index, claims) + "; ".join(broken))
 

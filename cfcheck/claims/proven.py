@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from flint import fmpq
 
+from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims, Witness
-from cfcheck.claims.funnel import contraction_way
-from cfcheck.claims.meaning import Assumptions
 from cfcheck.claims.problem import ProblemClaim
 from cfcheck.exact.rational import Range
+from cfcheck.kernel.funnel import contraction_way
 from cfcheck.path.bounds import Bounds, Extreme
 
 

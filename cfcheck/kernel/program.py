@@ -17,10 +17,11 @@ from itertools import count, product
 from math import isqrt
 from typing import Any
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx
 
+from cfcheck.exact.definite import exact_matrix, is_positive_definite, is_positive_definite_whole, symmetric
 from cfcheck.exact.enclosure import Domain
-from cfcheck.exact.rational import Matrix, is_positive_definite, is_positive_definite_whole
+from cfcheck.exact.rational import Matrix
 
 
 Exponents = tuple[int, ...]
@@ -42,7 +43,7 @@ class Gram:
     @property
     def whole(self) -> list[list[int]]:
         """2^exponent times the matrix, by rows."""
-        return [[self.lower[place] for place in row] for row in _places(self.size)]
+        return symmetric(self.lower)
 
     @property
     def longest(self) -> int:
@@ -54,12 +55,6 @@ class Gram:
 def is_definite(gram: Gram) -> bool:
     """Whether the matrix is positive definite."""
     return is_positive_definite_whole(gram.whole)
-
-
-@cache
-def _places(size: int) -> list[list[int]]:
-    """Where the entries of a symmetric matrix, row by row, stand in its lower triangle."""
-    return [[max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for j in range(size)] for i in range(size)]
 
 
 @dataclass(frozen=True)
@@ -140,18 +135,11 @@ class FunnelProgram(abc.ABC):
     @cached_property
     def domain(self) -> Domain:
         """The ball |y|² ≤ 1 + slack, which holds {q ≤ peak}: proven, for W is only nearly (C/peak)^{−1/2}."""
-        radius_squared = 1 + RADIUS_SLACK
-        size = len(self.states)
-        w, c = self.whitening, self.shape
-        scaled = [
-            [
-                sum((w[k][i] * c[k][m] * w[m][j] for k in range(size) for m in range(size)), fmpq(0)) * radius_squared
-                - (self.peak if i == j else 0)
-                for j in range(size)
-            ]
-            for i in range(size)
-        ]
-        if not is_positive_definite(scaled):
+        radius_squared, size = 1 + RADIUS_SLACK, len(self.states)
+        whitening = exact_matrix(self.whitening)
+        form = whitening.transpose() * exact_matrix(self.shape) * whitening  # q = yᵀ form y
+        least = fmpq_mat(size, size, [self.peak if i == j else 0 for i in range(size) for j in range(size)])
+        if not is_positive_definite(form * radius_squared - least):
             raise ValueError("the whitening is not close enough to (C/peak)^{-1/2}, or C is not positive definite")
         return Domain(self.ring, radius_squared)
 

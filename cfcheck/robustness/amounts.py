@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.funnel import LAW_SHARE
 from cfcheck.exact.rational import Range
+from cfcheck.kernel.funnel import LAW_SHARE
 from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken
 from cfcheck.robustness.ranges import SampledClaim

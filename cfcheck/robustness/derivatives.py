@@ -12,10 +12,10 @@ from math import comb, factorial
 
 from flint import fmpq, fmpq_mpoly
 
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.claims.proof import Question
 from cfcheck.exact.rational import Range
 from cfcheck.exact.symbolic import Symbolic
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.path.reference import Gap
 from cfcheck.reader import Broken
 from cfcheck.robustness.hold import TIMING

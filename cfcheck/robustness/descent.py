@@ -25,13 +25,13 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from flint import fmpq
 
-from cfcheck.claims.containment import Sets, broken_containments
 from cfcheck.claims.document import Certificate, Claims
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.claims.legs import Joint, different, joints_of
 from cfcheck.claims.proof import MOST_EFFORT, Question, dynamics_of
 from cfcheck.exact.enclosure import Budget
 from cfcheck.exact.rational import Range, decimal_text, dyadic, rational, sqrt_lower
+from cfcheck.kernel.containment import Sets, broken_containments
+from cfcheck.kernel.funnel import FunnelClaim
+from cfcheck.kernel.legs import Joint, different, joints_of
 from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken
 from cfcheck.robustness.amounts import SHARE, Absorbed, BoundsOver, Rates, Told, least_level

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mpoly
 
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.exact.enclosure import Enclosure, UnaryEnclosure
 from cfcheck.exact.rational import Matrix, Range, sqrt_upper
 from cfcheck.exact.symbolic import Symbolic
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.level import Affine, Contracting, LevelPiece
 from cfcheck.kernel.program import FunnelProgram, monomials
 from cfcheck.reader import Broken

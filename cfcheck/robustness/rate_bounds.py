@@ -23,12 +23,12 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.claims.legs import Leg, different
 from cfcheck.claims.proof import Question, prove_enclosures
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Budget
 from cfcheck.exact.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfcheck.exact.rational import Range, sqrt_upper
+from cfcheck.kernel.funnel import FunnelClaim
+from cfcheck.kernel.legs import Leg, different
 from cfcheck.kernel.program import CellProof, Gram
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece, between

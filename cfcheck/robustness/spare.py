@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from flint import fmpq, fmpq_mat, fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
+from cfcheck.exact.definite import exact_matrix
 from cfcheck.exact.rational import Matrix, Range, sqrt_upper
 from cfcheck.exact.symbolic import Symbolic
 from cfcheck.kernel.level import LevelPiece
@@ -51,7 +52,7 @@ class Terms:
     @cached_property
     def ranges(self) -> dict[str, Range]:
         """Of states and parameters."""
-        inverse = fmpq_mat([list(row) for row in self.shape]).inv()
+        inverse = exact_matrix(self.shape).inv()
         widths = [sqrt_upper(self.piece.upper * inverse[j, j]) for j in range(len(self.shape))]
         return {name: (-width, width) for name, width in zip(self.states, widths, strict=True)} | {**self.parameters}
 

@@ -16,10 +16,10 @@ from flint import fmpq
 
 from cfcheck.claims.document import Certificate, Claims, read_certificate
 from cfcheck.claims.hints import MOST_STRETCHES
-from cfcheck.claims.legs import Leg
 from cfcheck.claims.proof import Question
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfcheck.exact.rational import rational
+from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.program import CellProof
 from cfcheck.path.bounds import Bounds
 from cfcheck.replay import stated_and_proven

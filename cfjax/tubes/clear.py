@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cfcheck.claims.surroundings import Body, Clearance, Surroundings, shadows_of
+from cfcheck.clearance.surroundings import Body, Clearance, Surroundings, shadows_of
+from cfcheck.clearance.sweep import Nearby
 from cfcheck.exact.enclosure import Budget
-from cfcheck.kernel.sweep import Nearby
 from cfcheck.path.reference import Reference
 from cfjax.certificate.clearance import SAFE, NotClear, Search, find_clearance
 from cfjax.certificate.hulls import FAN, ROUGH, Along, Disc, Hulls, levels_of, rows_of

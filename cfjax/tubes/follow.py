@@ -2,7 +2,7 @@
 
 Each tube holds along every path within its intervals. So nothing is optimised for a path: it is cut into pieces, each
 piece asks which tubes hold it, and a chain is the cheapest way through them, where a tube can only be left for one that
-holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfcheck.claims.legs` proves
+holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfcheck.kernel.legs` proves
 each of these claims).
 """
 
@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpq
 
-from cfcheck.claims.legs import Joint, prove_joints
-from cfcheck.claims.surroundings import Clearance, Surroundings
+from cfcheck.clearance.surroundings import Clearance, Surroundings
 from cfcheck.exact.rational import Range, float_below, rational, sqrt_upper
+from cfcheck.kernel.legs import Joint, prove_joints
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
 from cfjax.coerce import Numbers, flag, instance, instances, number, optional, text, whole

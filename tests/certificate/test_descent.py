@@ -17,9 +17,9 @@ from flint import fmpq
 import cfjax
 from cfcheck import Outcome, Report, check_document
 from cfcheck.claims.document import read_certificate
-from cfcheck.claims.legs import Joint
-from cfcheck.claims.legs import Leg as ProvenLeg
 from cfcheck.exact.rational import Range, sqrt_lower, sqrt_upper
+from cfcheck.kernel.legs import Joint
+from cfcheck.kernel.legs import Leg as ProvenLeg
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.reference import Gap
 from cfcheck.replay import check_robustness

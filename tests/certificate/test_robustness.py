@@ -19,11 +19,11 @@ import cfjax.certificate.robustness as hints_of
 from cfcheck import Outcome, check_document
 from cfcheck.claims.document import document_hash
 from cfcheck.claims.hints import Room
-from cfcheck.claims.legs import Leg
 from cfcheck.claims.problem import Course
 from cfcheck.claims.proof import Question
 from cfcheck.exact.enclosure import Budget, Enclosure
 from cfcheck.exact.rational import dyadic, rational
+from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.level import LEVELS
 from cfcheck.reader import Item
 from cfcheck.replay import check_robustness

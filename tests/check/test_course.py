@@ -12,8 +12,8 @@ import pytest
 from flint import fmpq
 
 from cfcheck import Outcome, check_document
+from cfcheck.claims.assumptions import require_meaning
 from cfcheck.claims.document import document_hash
-from cfcheck.claims.meaning import require_meaning
 from cfcheck.claims.problem import read_problem
 from cfcheck.exact.rational import rational
 from cfcheck.exact.symbolic import symbolic

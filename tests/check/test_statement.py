@@ -8,12 +8,12 @@ import pytest
 from flint import fmpq
 
 from cfcheck import Outcome, Report, check_document
+from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims, Witness
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.claims.meaning import Assumptions
 from cfcheck.claims.proven import Proven, Refuted, Shown, Violation
-from cfcheck.claims.surroundings import Surroundings
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim
+from cfcheck.clearance.surroundings import Surroundings
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.level import Contracting, Paper
 from cfcheck.path.bounds import Bounds, Extreme
 from cfcheck.robustness.amounts import Absorbed, Robustness, Told

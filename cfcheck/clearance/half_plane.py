@@ -32,9 +32,10 @@ from functools import cached_property
 
 from flint import acb, arb, arb_series, fmpq, fmpq_mat
 
+from cfcheck.exact.definite import exact_matrix, is_positive_definite
 from cfcheck.exact.enclosure import Budget
 from cfcheck.exact.polynomial import bernstein
-from cfcheck.exact.rational import Matrix, about, bits, decimal_text, is_positive_definite
+from cfcheck.exact.rational import Matrix, about, bits, decimal_text
 from cfcheck.kernel.level import Level
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
@@ -96,7 +97,7 @@ class Shadow:
     @cached_property
     def inverse(self) -> fmpq_mat:
         """C⁻¹."""
-        return fmpq_mat([list(row) for row in self.shape]).inv()
+        return exact_matrix(self.shape).inv()
 
     @cached_property
     def longest(self) -> int:

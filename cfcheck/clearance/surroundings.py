@@ -3,7 +3,7 @@
 All of it are hulls: the corners of an obstacle, grown by a radius, or two points of a wall that follow each other. A
 leg is cut into stretches of θ, each with a few normals. On every part of a piece that lies in a stretch, each disc of
 the body and each hull near it, one of the normals separates the two: by a bound of first order on how far the disc gets
-(`cfcheck.kernel.sweep`), which serves all hulls, or by a close look (`cfcheck.kernel.clearance`).
+(`cfcheck.clearance.sweep`), which serves all hulls, or by a close look (`cfcheck.clearance.half_plane`).
 """
 
 import itertools
@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.legs import Leg
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim, Shadow, prove_half_plane
+from cfcheck.clearance.sweep import BITS, Hull, Nearby, Normal, Sweep, length_of
 from cfcheck.exact.enclosure import Budget, TooLarge
 from cfcheck.exact.rational import about, bits, decimal_text
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim, Shadow, prove_half_plane
-from cfcheck.kernel.sweep import BITS, Hull, Nearby, Normal, Sweep, length_of
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
 from cfcheck.reader import Broken, Item, Unreadable

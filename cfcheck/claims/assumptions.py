@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from cfcheck.claims.problem import ProblemClaim
-from cfcheck.claims.surroundings import Surroundings
+from cfcheck.clearance.surroundings import Surroundings
 from cfcheck.exact.rational import about
 from cfcheck.exact.symbolic import Symbolic
 from cfcheck.path.bounds import Bounds
