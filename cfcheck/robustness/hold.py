@@ -185,7 +185,7 @@ class HeldMotion(FunnelProgram):
     @cached_property
     def _timing(self) -> Parametric:
         """k u0: how fast V/σ changes by σ alone, over V/σ, where V has a rate of its own."""
-        return self._exact(self.ring.constant(self.piece.timing[1])) * self._parameter(TIMING)
+        return self._exact(self.ring.constant(self.piece.timing.slope)) * self._parameter(TIMING)
 
     @cached_property
     def uphill(self) -> Parametric:
@@ -196,7 +196,7 @@ class HeldMotion(FunnelProgram):
     @cached_property
     def first(self) -> Parametric:
         """V̇/σ."""
-        timing = self._exact(self.piece.timing_at(self.form)) * self._parameter(TIMING)
+        timing = self._exact(self.piece.timing.at(self.form)) * self._parameter(TIMING)
         return self.uphill + timing
 
     @cached_property
@@ -246,11 +246,11 @@ class HeldMotion(FunnelProgram):
         return [size * self.domain.radius**degree for degree, size in enumerate(sizes)]
 
     def _weighted(self, value: Combination) -> fmpq:
-        """σ |value| over this range of levels, at most: σ ≤ 1/drop."""
+        """σ |value| over this range of levels, at most: σ ≤ 1/weight."""
         powers, piece = self._powers(value), self.piece
-        if not piece.drop[1]:
-            return sum(powers, fmpq(0)) / piece.drop[0]
-        # drop = q: (q/q_hi)^{d/2}/q is largest at q_hi from d = 2 on, at q_lo before
+        if not piece.weight.slope:
+            return sum(powers, fmpq(0)) / piece.weight.constant
+        # weight = q: (q/q_hi)^{d/2}/q is largest at q_hi from d = 2 on, at q_lo before
         ratio = sqrt_upper(piece.lower / piece.upper)
         inner = sum((c * ratio**degree for degree, c in enumerate(powers[:2])), fmpq(0))
         return inner / piece.lower + sum(powers[2:], fmpq(0)) / piece.upper
@@ -275,13 +275,11 @@ class HeldMotion(FunnelProgram):
         left_out += self.spare if cell.order == 2 else 0
         return self.domain.negative(rate.polynomial(most)) - left_out
 
-    def drop(self, cell: HeldCell) -> fmpq_mpoly:
-        return self.piece.drop_at(self.form)
+    def weight(self, cell: HeldCell) -> fmpq_mpoly:
+        return self.piece.weight.at(self.form)
 
-    def least_drop(self, cell: HeldCell) -> fmpq:
-        return self.piece.least_drop
+    def least_weight(self, cell: HeldCell) -> fmpq:
+        return self.piece.least_weight
 
     def constraints(self, cell: HeldCell) -> list[fmpq_mpoly]:
-        """q − q_lo and q_hi − q; the first says nothing where q_lo is 0."""
-        above = [self.form - self.piece.lower] if self.piece.lower > 0 else []
-        return [*above, self.piece.upper - self.form]
+        return self.edges(self.piece.lower, self.piece.upper)

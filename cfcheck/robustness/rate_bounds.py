@@ -96,7 +96,7 @@ def rates_within(question: Question, bounds: Bounds, band: Range, hints: Sequenc
 def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq) -> Rates:
     """The largest of the bounds on all ranges of levels."""
     states = range(len(found[0].slopes))
-    least, peak = min(sizes.least_drop for sizes in found), max(sizes.level for sizes in found)
+    least, peak = min(sizes.least_weight for sizes in found), max(sizes.level for sizes in found)
     widest, scale = funnel.level.deviation_scale(least, peak)
     norms = tuple(sqrt_upper(scale * funnel.shape[i][i]) for i in states)
     slopes = tuple(max(sizes.slopes[i] for sizes in found) for i in states)
@@ -118,7 +118,7 @@ class _Sizes(NamedTuple):
     """What is proven on one range of levels of a stretch."""
 
     level: fmpq  # the largest q
-    least_drop: fmpq  # at most every 1/σ
+    least_weight: fmpq  # at most every 1/σ
     rise: fmpq  # V̇
     bend: fmpq  # V̈
     slopes: tuple[fmpq, ...]  # |∂V̇/∂x_i|
@@ -128,7 +128,7 @@ class _Sizes(NamedTuple):
 
     def gain(self, name: str) -> fmpq:
         """|∂V̇/∂(parameter of the reference)|."""
-        return self.terms.gain(name) / self.least_drop
+        return self.terms.gain(name) / self.least_weight
 
 
 class References(NamedTuple):
@@ -233,15 +233,15 @@ def _prove_sizes(
             swiftness = max(swiftness, motion.swiftness(vertex))
         effort.spend(LARGEST_EFFORT - motion.domain.budget.left)
     piece = motion.piece
-    own = abs(piece.timing[1]) * motion.parameters[TIMING][1] * swiftness
+    own = abs(piece.timing.slope) * motion.parameters[TIMING][1] * swiftness
     return _Sizes(
         level=piece.upper,
-        least_drop=piece.least_drop,
+        least_weight=piece.least_weight,
         rise=margins[1],
         bend=margins[2],
         slopes=tuple(slopes),
         speeds=tuple(speeds),
-        stir=own + terms.wander / piece.least_drop,
+        stir=own + terms.wander / piece.least_weight,
         terms=terms,
     )
 

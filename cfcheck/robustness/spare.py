@@ -109,7 +109,7 @@ class Terms:
             slopes = (dynamics.derivative(entry, state) for state in self.states)
             terms = (dynamics.domain.product(one, two) for one, two in zip(slopes, b, strict=True))
             turned.append(sum(terms, dynamics.domain.ring.constant(0)))
-        own = 2 * abs(self.piece.timing[1]) * self._uphill(b) if name == TIMING else fmpq(0)
+        own = 2 * abs(self.piece.timing.slope) * self._uphill(b) if name == TIMING else fmpq(0)
         return self._uphill(turned) + own
 
     def _rest_apart(self, b: Sequence[fmpq_mpoly]) -> fmpq:
