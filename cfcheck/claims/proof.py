@@ -7,10 +7,9 @@ has one stretch without an end: it holds along legs of any length, or along ever
 for the car that its `Model` is, in the units of that.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from functools import cached_property
 
 from flint import fmpq
 
@@ -62,28 +61,10 @@ class Question:
         if self.model.law is not None:
             raise Broken("law: it is proven where curvature and speed do not change; on this path they do")
         if bounds.curvature_rate is not None:
-            self.require_affine()
+            require_affine_reference(self.dynamics)
             return bounds.extremes()
-        self.require_structure()
+        require_tube_structure(self.dynamics)
         return bounds.extremes(self.is_mirrored(bounds))
-
-    @cached_property
-    def _established(self) -> set[Callable[[Symbolic], None]]:
-        return set()
-
-    def _require(self, what: Callable[[Symbolic], None]) -> None:
-        """Establish something of the dynamics, once."""
-        if what not in self._established:
-            what(self.dynamics)
-            self._established.add(what)
-
-    def require_affine(self) -> None:
-        """As `require_affine_reference`."""
-        self._require(require_affine_reference)
-
-    def require_structure(self) -> None:
-        """As `require_tube_structure`."""
-        self._require(require_tube_structure)
 
     def is_mirrored(self, bounds: Bounds) -> bool:
         """Whether references with the upper end of the curvature speak for those with the lower end."""
@@ -200,7 +181,7 @@ def _require_same_length(legs: Sequence[Leg], hints: DecreaseHints) -> None:
 def _check_leg(leg: Leg, question: Question, hints: DecreaseHints, effort: Budget) -> None:
     """That the bounds of the proof hold along a leg, as the car that drives has them."""
     if turning_jumps(leg.pieces):  # from piece to piece, where no stretch sees it: the deviation must not
-        question.require_structure()
+        require_tube_structure(question.dynamics)
     begin = fmpq(0)
     for stretch in hints.stretches:
         end = leg.duration if stretch.end is None else stretch.end

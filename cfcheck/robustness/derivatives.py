@@ -19,6 +19,7 @@ from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.path.reference import Gap
 from cfcheck.reader import Broken
 from cfcheck.robustness.hold import TIMING
+from cfcheck.robustness.term_bounds import slopes_of
 
 
 @dataclass(frozen=True)
@@ -71,13 +72,13 @@ def derivatives(leg: SteadyLeg, order: int) -> list[fmpq_mpoly]:
         generators[dynamics.names.index(name)]: value for name, value in profile.items()
     }
     rates = [rate.subs(numbers) for rate in dynamics.rates]
-    circles = _circles(dynamics)
+    circles, slopes = _circles(dynamics), slopes_of(dynamics)
     pairs = ((i, j) for i in range(len(states)) for j in range(len(states)))
     value = sum((funnel.shape[i][j] * symbols[states[i]] * symbols[states[j]] for i, j in pairs), zero)
     found = []
     for _ in range(order):
         along = (
-            domain.product(dynamics.derivative(value, state), rate) for state, rate in zip(states, rates, strict=True)
+            domain.product(slopes.derivative(value, state), rate) for state, rate in zip(states, rates, strict=True)
         )
         turned = domain.product(value, funnel.level.rate * symbols[TIMING])
         value = reduce(domain.sum, along, turned)

@@ -19,6 +19,7 @@ from cfcheck.exact.symbolic import Symbolic
 from cfcheck.kernel.level import LevelPiece
 from cfcheck.reader import Broken
 from cfcheck.robustness.hold import ASKED, REFERENCE, TIMING
+from cfcheck.robustness.term_bounds import TermBounds, slopes_of
 
 
 def require_affine(dynamics: Symbolic, parameters: Mapping[str, Range]) -> None:
@@ -57,8 +58,12 @@ class Terms:
         return {name: (-width, width) for name, width in zip(self.states, widths, strict=True)} | {**self.parameters}
 
     def size(self, polynomial: fmpq_mpoly) -> fmpq:
-        """|polynomial| at most."""
-        return self.dynamics.size(polynomial, self.ranges)
+        """A rational that is at least |polynomial|."""
+        return TermBounds(self.dynamics, self.ranges).size(polynomial)
+
+    def derivative(self, polynomial: fmpq_mpoly, name: str) -> fmpq_mpoly:
+        """∂/∂(a state or parameter)."""
+        return slopes_of(self.dynamics).derivative(polynomial, name)
 
     @cached_property
     def spare(self) -> fmpq:
@@ -86,7 +91,7 @@ class Terms:
     def gain(self, name: str) -> fmpq:
         """|∂V̇/∂(parameter)|/σ."""
         if name not in self._gains:
-            self._gains[name] = self._uphill([self.dynamics.derivative(rate, name) for rate in self.dynamics.rates])
+            self._gains[name] = self._uphill([self.derivative(rate, name) for rate in self.dynamics.rates])
         return self._gains[name]
 
     def _uphill(self, direction: Sequence[fmpq_mpoly]) -> fmpq:
@@ -101,12 +106,12 @@ class Terms:
         With V's own rate, u0² has 2 k ∇q·b as well; the squares 2 bᵀCb and k² q are left out.
         """
         dynamics = self.dynamics
-        b = [dynamics.derivative(rate, name) for rate in dynamics.rates]
+        b = [self.derivative(rate, name) for rate in dynamics.rates]
         if name == TIMING and self.jumps:
             return self._rest_apart(b)
         turned = []
         for entry in b:
-            slopes = (dynamics.derivative(entry, state) for state in self.states)
+            slopes = (self.derivative(entry, state) for state in self.states)
             terms = (dynamics.domain.product(one, two) for one, two in zip(slopes, b, strict=True))
             turned.append(sum(terms, dynamics.domain.ring.constant(0)))
         own = 2 * abs(self.piece.timing.slope) * self._uphill(b) if name == TIMING else fmpq(0)
@@ -114,12 +119,12 @@ class Terms:
 
     def _rest_apart(self, b: Sequence[fmpq_mpoly]) -> fmpq:
         """The same of u0², where b(r) and b(r') differ: 2 b(r)ᵀC b(r') ≥ −½ (b(r) − b(r'))ᵀC (b(r) − b(r'))."""
-        dynamics, each = self.dynamics, range(len(b))
+        each = range(len(b))
         size = [self.size(entry) for entry in b]
         gradient = [2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in each]
         turned = sum(
             (
-                gradient[i] * self.size(dynamics.derivative(b[i], state)) * size[j]
+                gradient[i] * self.size(self.derivative(b[i], state)) * size[j]
                 for i in each
                 for j, state in enumerate(self.states)
             ),
@@ -128,7 +133,7 @@ class Terms:
         apart = [
             sum(
                 (
-                    width * self.size(dynamics.derivative(entry, name.replace(ASKED, REFERENCE)))
+                    width * self.size(self.derivative(entry, name.replace(ASKED, REFERENCE)))
                     for name, width in self.jumps.items()
                 ),
                 fmpq(0),
