@@ -14,7 +14,7 @@ from flint import fmpq
 
 from cfcheck.claims.hints import MOST_GRAM_ENTRIES, DecreaseHints, Room, read_decrease
 from cfcheck.claims.problem import MOST_PIECES, ProblemClaim, problem_of, read_inputs, read_vehicle
-from cfcheck.clearance.surroundings import Clearance, read_clearance
+from cfcheck.clearance.surroundings import ClearanceHints, read_clearance
 from cfcheck.exact.definite import symmetric
 from cfcheck.exact.rational import Matrix
 from cfcheck.kernel.funnel import FunnelClaim, Model
@@ -104,7 +104,7 @@ class Certificate:
 
     claims: Claims
     hints: tuple[DecreaseHints, ...]
-    clearance: Clearance
+    clearance: ClearanceHints
     witness: Witness | None
 
 

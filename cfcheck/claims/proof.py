@@ -13,7 +13,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from flint import fmpq
 
-from cfcheck.claims.assumptions import require_meaning
+from cfcheck.claims.assumptions import require_supported
 from cfcheck.claims.document import Certificate, Claims
 from cfcheck.claims.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
 from cfcheck.claims.problem import ProblemClaim
@@ -40,7 +40,7 @@ Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
 
 @dataclass(frozen=True)
 class Question:
-    """Condition (d) of a funnel: what it is asked for, in the units of the car that it is proven for.
+    """Condition (d) of a funnel, in the units of the car that it is proven for.
 
     `dynamics` are those of that car, in symbols; `mirror` are signs under which all of it is its own mirror image.
     """
@@ -98,7 +98,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> fmpq:
     """
     claims, hints = certificate.claims, certificate.hints
     problem, legs = claims.problem, claims.legs
-    require_meaning(problem, dynamics)
+    require_supported(problem, dynamics)
     finish = legs[-1].end_level(problem.fastest) if legs else fmpq(1)
     prove_sets(claims, finish)
     effort = Budget(MOST_EFFORT)
@@ -217,20 +217,14 @@ def _prove_decrease(question: Question, hints: DecreaseHints, effort: Budget) ->
         begin = end
 
 
-def _prove_stretch(
-    asked: Question,
-    span: Range,
-    shared: DecreaseHints,
-    hints: StretchHints,
-    effort: Budget,
-) -> None:
-    model, funnel = asked.model, asked.funnel
-    extremes = asked.extremes(hints.bounds)
+def _prove_stretch(question: Question, span: Range, shared: DecreaseHints, hints: StretchHints, effort: Budget) -> None:
+    model, funnel = question.model, question.funnel
+    extremes = question.extremes(hints.bounds)
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)
         enclosures = prove_enclosures(hints.enclosures, model.functions, effort)
-        questions = [
+        decreases = [
             SteadyDecrease(
                 graph=model.vehicle.graph,
                 states=model.vehicle.states,
@@ -247,9 +241,9 @@ def _prove_stretch(
             for extreme in extremes
         ]
         cells = {
-            (index, cell.piece, cell.signs): (question, cell)
-            for index, question in enumerate(questions)
-            for cell in question.cells()
+            (index, cell.piece, cell.signs): (decrease, cell)
+            for index, decrease in enumerate(decreases)
+            for cell in decrease.cells()
         }
     except ValueError as error:
         raise Broken(f"{where}: {error}") from None
@@ -258,21 +252,21 @@ def _prove_stretch(
     per_metre = funnel.margin_per_metre
     for key, (margin, remainder, grams) in hints.cells.items():
         place = f"{where}, {_named(key, extremes)}"
-        question, cell = cells[key]
+        decrease, cell = cells[key]
         try:
-            proven = question.proven_margin(CellProof(replace(cell, remainder=remainder), margin, grams))
+            proven = decrease.proven_margin(CellProof(replace(cell, remainder=remainder), margin, grams))
         except ValueError as error:
             raise Broken(f"{place}: {error}") from None
         # affine in the speed between its ends, as V' is (`cfcheck.vehicle.structure`)
         claims = [(funnel.margin, fmpq(1), "1/s")]
         if per_metre is not None:
-            claims.append((per_metre, question.extreme.profile["speed"], "1/m"))
+            claims.append((per_metre, decrease.extreme.profile["speed"], "1/m"))
         for claimed, unit, name in claims:
             if proven < claimed * unit:
                 least, shown = decimal_text(claimed, ROUND_CEILING), decimal_text(proven / unit, ROUND_FLOOR)
                 raise Broken(f"{place}: margin {least} {name} claimed, {shown} {name} proven")
     # each reference has a budget to itself; all of a file's share another one
-    effort.spend(sum(LARGEST_EFFORT - question.domain.budget.left for question in questions))
+    effort.spend(sum(LARGEST_EFFORT - decrease.domain.budget.left for decrease in decreases))
 
 
 def prove_enclosures(hints: EnclosureHints, functions: Mapping[int, str], effort: Budget) -> Enclosures:

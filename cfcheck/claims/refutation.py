@@ -65,7 +65,7 @@ def confirm_witness(claims: Claims, witness: Witness) -> Violation:
         return _confirm_containment(witness.condition, states, sets, x, form, inside)
     if _heading(states, x) >= pi_lower():
         raise Broken("witness: its heading lies beyond where it wraps")
-    # β̲ ≤ V, where λ is asked for in full
+    # β̲ ≤ V, where the weight of λ is 1
     if not (inside and form >= funnel.level.form_bounds(funnel.beta_lower, theta)[1]):
         raise Broken("witness: not a deviation in the shell beta_lower <= V <= 1")
     require_affine(problem.vehicle.graph, tuple(problem.inputs))

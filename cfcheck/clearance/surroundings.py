@@ -38,7 +38,7 @@ class WallClaim(NamedTuple):
     points: tuple[tuple[fmpq, fmpq], ...]
 
 
-class Surroundings(NamedTuple):
+class SurroundingsClaim(NamedTuple):
     """Obstacles and walls, and the discs of the vehicle's body; none of them where nothing is to be cleared."""
 
     obstacles: tuple[ObstacleClaim, ...] = ()
@@ -76,7 +76,7 @@ class ClearStretch(NamedTuple):
     normals: tuple[Normal, ...]
 
 
-Clearance = tuple[tuple[ClearStretch, ...], ...]  # by leg
+ClearanceHints = tuple[tuple[ClearStretch, ...], ...]  # by leg
 
 
 class Blocked(ValueError):
@@ -155,7 +155,7 @@ class Body(NamedTuple):
         return found
 
 
-def prove_surroundings(surroundings: Surroundings, legs: Sequence[Leg], clearance: Clearance) -> None:
+def prove_surroundings(surroundings: SurroundingsClaim, legs: Sequence[Leg], clearance: ClearanceHints) -> None:
     """Proves that no disc of the body touches a hull at any θ of a leg, wherever in its funnel the vehicle is.
 
     Raises:
@@ -242,7 +242,7 @@ def parts_of(
     yield last, start, end
 
 
-def _check_numbers(surroundings: Surroundings, legs: Sequence[Leg]) -> None:
+def _check_numbers(surroundings: SurroundingsClaim, legs: Sequence[Leg]) -> None:
     """Raises Broken for numbers that are too long to compute with."""
 
     def numbers() -> Iterator[fmpq]:
@@ -267,7 +267,7 @@ def _check_numbers(surroundings: Surroundings, legs: Sequence[Leg]) -> None:
 # --- reading
 
 
-def read_surroundings(obstacles: Item, footprint: Item) -> Surroundings:
+def read_surroundings(obstacles: Item, footprint: Item) -> SurroundingsClaim:
     """From two lists.
 
     Raises:
@@ -282,7 +282,7 @@ def read_surroundings(obstacles: Item, footprint: Item) -> Surroundings:
             hulls.append(ObstacleClaim(_points(corners, MOST_CORNERS, 1), rounding.rational()))
     if sum(len(wall.points) for wall in walls) > MOST_POINTS:
         obstacles.refuse(f"walls with at most {MOST_POINTS} points together")
-    return Surroundings(tuple(hulls), tuple(map(_disc, footprint.items(MOST_DISCS, least=0))), tuple(walls))
+    return SurroundingsClaim(tuple(hulls), tuple(map(_disc, footprint.items(MOST_DISCS, least=0))), tuple(walls))
 
 
 def _points(item: Item, most: int, least: int) -> tuple[tuple[fmpq, fmpq], ...]:
@@ -295,7 +295,7 @@ def _disc(item: Item) -> FootprintClaim:
     return FootprintClaim(radius.rational(), offset.rational())
 
 
-def read_clearance(item: Item, surroundings: Surroundings, legs: int) -> Clearance:
+def read_clearance(item: Item, surroundings: SurroundingsClaim, legs: int) -> ClearanceHints:
     """Stretches for so many legs; an empty list where there is nothing to clear.
 
     Raises:

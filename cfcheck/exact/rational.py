@@ -92,9 +92,9 @@ def bits(value: fmpq) -> int:
 
 
 def decimal_text(value: fmpq, rounding: str = ROUND_HALF_EVEN) -> str:
-    """The rational itself where its decimal is short, else six significant digits, rounded as told (`decimal.ROUND_…`).
+    """The rational itself where its decimal is short, else six significant digits.
 
-    For a number of any size; `ROUND_FLOOR` gives a decimal that is at most the rational, `ROUND_CEILING` at least.
+    `rounding` is one of `decimal.ROUND_…`, and the number of any size; `ROUND_FLOOR` gives a decimal that is at most the rational, `ROUND_CEILING` at least.
     """
     above, below = Decimal(int(value.p)), Decimal(int(value.q))
     exact = Context(prec=EXACT_DIGITS)

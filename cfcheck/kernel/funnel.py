@@ -26,7 +26,7 @@ from cfcheck.vehicle.model import KNOWN_VEHICLES, VehicleClaim
 
 
 LAW_SHARE = fmpq(19, 20)  # of the certified decrease: what the run-time law (`cfjax.control`) asks for
-STEEPEST_EXPONENT = fmpq(64)  # levels below e^−64 are not told apart
+STEEPEST_EXPONENT = fmpq(64)  # all levels below e^−64 count as e^−64
 Inputs = Mapping[str, Range]  # a box by name, u0 first
 
 

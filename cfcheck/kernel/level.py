@@ -96,7 +96,7 @@ class Level(abc.ABC):
     def shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
         """The shell β_in ≤ V ≤ 1 on a stretch of θ, θ itself eliminated: ranges of q that cover it; β_in ≤ β̲.
 
-        `weight` is at least what is asked at any θ of the stretch.
+        `weight` is at least min(1, V/β̲)/σ at every θ of the stretch.
 
         Raises:
             ValueError: where the shell would hold the reference itself (q = 0).

@@ -24,7 +24,7 @@ from cfcheck.robustness.term_bounds import slopes_of
 
 @dataclass(frozen=True)
 class SteadyLeg:
-    """A leg of one turning rate and speed (`profile`, by the graph's names), and what is asked of its funnel.
+    """A leg of one turning rate and speed (`profile`, by the graph's names), and condition (d) of its funnel.
 
     `duration` in s; `gap` is the jump of the reference where the leg closes a lap.
     """

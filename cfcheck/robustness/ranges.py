@@ -1,4 +1,4 @@
-"""What is asked of holds on each range of q = xᵀ C x, and the polynomials that it is asked of.
+"""The inequalities that holds have to satisfy on each range of q = xᵀ C x, and their polynomials.
 
 θ is eliminated as in `cfcheck.kernel.level`: ranges of q cover the funnel, and weight(q) is at least e^{−kθ} wherever a
 claim is made. Claims are those of `cfcheck.robustness.sampled`, divided by e^{kθ}.
@@ -30,7 +30,7 @@ BEND_DEGREES = (2, 1)  # of a bound on V^(m+1)
 FORK_DEGREE = 2  # of the polynomials at forks
 ORDERS = (2, 3)
 BEND = -1  # in place of the number of a Bernstein coefficient: the claim on V^(m+1)
-RISE = 0  # likewise, where nothing is asked of a part: the claim on V', which is B_0
+RISE = 0  # likewise, for a cell that is of no part: the claim on V', which is B_0
 
 Coefficients = tuple[fmpq, ...]
 Inputs = tuple[fmpq, ...]  # in the order of the problem's
@@ -74,30 +74,30 @@ class SampledClaim:
 
     def need(self, part: "Part", choice: int, j: int) -> fmpq:
         """By how many drops −B_j + slack has to be above zero, 1/s."""
-        asked = self.decrease if part.is_shell else fmpq(0)
-        return asked + (self.left_out(choice) if j == self.order - 1 else 0)
+        decrease = self.decrease if part.is_shell else fmpq(0)
+        return decrease + (self.left_out(choice) if j == self.order - 1 else 0)
 
 
 class Part(NamedTuple):
-    """What is asked on a range: −B_j + slack ≥ need weight, slack and weight affine in q (`SampledClaim.need`)."""
+    """An inequality on a range: −B_j + slack ≥ need weight, slack and weight affine in q (`SampledClaim.need`)."""
 
     slack: Affine
     weight: Affine
     is_shell: bool
 
 
-class Asked(NamedTuple):
+class LevelRange(NamedTuple):
     """A range of q; its `weight` is at most 1/σ on V ≤ 1, which bounds of V^(m+1) need."""
 
     piece: LevelPiece
     parts: tuple[Part, ...]
 
 
-def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]:
-    """Ranges of q that cover the funnel while θ is in the span, with what is asked there; one of them in pieces.
+def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[LevelRange]:
+    """Ranges of q that cover the funnel while θ is in the span, with their inequalities; one of them in pieces.
 
-    Inside, where V ≤ β̲, 1/σ is at least `room`. There B_j ≤ (1/σ − q)/h − ρ/σ is asked, ρ for the last j alone: where
-    ρ ≤ 1/h it is worst where 1/σ is least.
+    Inside, where V ≤ β̲, 1/σ is at least `room`. There B_j ≤ (1/σ − q)/h − ρ/σ has to hold, ρ for the last j alone:
+    where ρ ≤ 1/h it is worst where 1/σ is least.
 
     Raises:
         Broken: for a V of another template, or cuts that do not follow each other where V may be β̲.
@@ -119,11 +119,11 @@ def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]
     def shell(weight: Affine) -> Part:
         return Part(Affine(ZERO, ZERO), weight, is_shell=True)
 
-    middle = (Asked(LevelPiece(*each, timing, itself), (inside(rising), shell(rising))) for each in pairwise(ends))
+    middle = (LevelRange(LevelPiece(*each, timing, itself), (inside(rising), shell(rising))) for each in pairwise(ends))
     return [
-        Asked(LevelPiece(ZERO, beta * least, timing, Affine(least, ZERO)), (inside(Affine(least, ZERO)),)),
+        LevelRange(LevelPiece(ZERO, beta * least, timing, Affine(least, ZERO)), (inside(Affine(least, ZERO)),)),
         *middle,
-        Asked(LevelPiece(beta * peak, peak, timing, itself), (shell(Affine(peak, ZERO)),)),
+        LevelRange(LevelPiece(beta * peak, peak, timing, itself), (shell(Affine(peak, ZERO)),)),
     ]
 
 
@@ -263,7 +263,7 @@ def span_of(leg: SteadyLeg, period: fmpq) -> Range:
 
 
 def held_ranges(leg: SteadyLeg, claim: SampledClaim) -> Iterator[tuple[HeldRange, tuple[Part, ...]]]:
-    """The ranges of q without hints yet, with what is asked on each.
+    """The ranges of q without hints yet, with the parts of each.
 
     Raises:
         Broken, ValueError: as `derivatives` and `ranges`.

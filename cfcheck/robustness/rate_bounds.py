@@ -34,7 +34,7 @@ from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece, between
 from cfcheck.reader import Broken
 from cfcheck.robustness.amounts import MOST, SHARE, Rates, dot
-from cfcheck.robustness.hold import ASKED, ORDERS, REFERENCE, TIMING, HeldCell, HeldMotion, asked_name, derivatives_of
+from cfcheck.robustness.hold import FROZEN, ORDERS, REFERENCE, TIMING, HeldCell, HeldMotion, derivatives_of, frozen_name
 from cfcheck.robustness.hold_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfcheck.robustness.spare import Terms, require_affine
 from cfcheck.vehicle.structure import SPEED, SPEED_SLOPE, TURN_RATE, TURN_RATE_SLOPE, require_tube_structure
@@ -136,7 +136,7 @@ class References(NamedTuple):
 
     box: Mapping[str, Range]  # of what the dynamics see
     slopes: Mapping[str, fmpq]  # bounds of |dr/dθ|
-    asked: Mapping[str, Range] = {}  # what V̇ is looked at, where that is another
+    frozen: Mapping[str, Range] = {}  # what V̇ is looked at, where that is another
     mirrored: str = ""  # one end of this one speaks for both
 
 
@@ -158,22 +158,22 @@ def motions_within(question: Question, bounds: Bounds, band: Range) -> list[tupl
     box[TURN_RATE_SLOPE] = (fmpq(0), fmpq(0))  # no vehicle with such a funnel depends on it
     slopes = {TURN_RATE: max(map(abs, bounds.curvature)) * steepest, SPEED: steepest}  # of what is looked at
     jumping = (TURN_RATE, bounds.curvature), (SPEED_SLOPE, bounds.acceleration)
-    asked = {asked_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
+    frozen = {frozen_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
     # V'' at a vertex is that of the mirrored car at the mirrored one
     mirrored = TURN_RATE if question.is_mirrored(bounds) else ""
-    return _motions(question, References(box, slopes, asked, mirrored), (fmpq(0), fmpq(0)))
+    return _motions(question, References(box, slopes, frozen, mirrored), (fmpq(0), fmpq(0)))
 
 
 def _motions(question: Question, references: References, span: Range) -> list[tuple[HeldMotion, Terms]]:
     model, dynamics, funnel = question.model, question.dynamics, question.funnel
-    box, slopes, asked, mirrored = references
+    box, slopes, frozen, mirrored = references
     states = model.vehicle.states
     parameters = {f"input:{name}": limits for name, limits in model.inputs.items()}
     for name, (lower, upper) in box.items():  # what the dynamics do not depend on may have any value
         parameters[name] = (lower, upper if dynamics.depends_on(name) else lower)
     slopes = {name: bound for name, bound in slopes.items() if dynamics.depends_on(name)}
     require_affine(dynamics, parameters)
-    parameters |= {name: ends for name, ends in asked.items() if dynamics.depends_on(name.replace(ASKED, REFERENCE))}
+    parameters |= {name: ends for name, ends in frozen.items() if dynamics.depends_on(name.replace(FROZEN, REFERENCE))}
     found = []
     for piece in funnel.level.inside(span):
         terms = Terms(dynamics, states, parameters, slopes, funnel.shape, piece)
@@ -195,17 +195,17 @@ def _motions(question: Question, references: References, span: Range) -> list[tu
 
 
 def _prove_levels(
-    question: Question, asked: Sequence[tuple[HeldMotion, Terms]], hints: Sequence[PieceHints], effort: Budget
+    question: Question, motions: Sequence[tuple[HeldMotion, Terms]], hints: Sequence[PieceHints], effort: Budget
 ) -> list[_Sizes]:
-    if len(asked) != len(hints):
-        raise Broken(f"robustness: expected hints for {len(asked)} ranges of levels, got {len(hints)}")
+    if len(motions) != len(hints):
+        raise Broken(f"robustness: expected hints for {len(motions)} ranges of levels, got {len(hints)}")
     vehicle, found = question.model.vehicle, []
-    for (motion, terms), own in zip(asked, hints, strict=True):
+    for (motion, terms), own in zip(motions, hints, strict=True):
         enclosures = prove_enclosures(own.enclosures, vehicle.graph.functions(), effort)
         slopes = derivatives_of(vehicle.graph, vehicle.states)
         derivatives = prove_enclosures(own.derivatives, slopes, effort)
-        told = replace(motion, whitening=own.whitening, enclosures=enclosures, derivatives=derivatives)
-        found.append(_prove_sizes(told, terms, own.cells, effort))
+        hinted = replace(motion, whitening=own.whitening, enclosures=enclosures, derivatives=derivatives)
+        found.append(_prove_sizes(hinted, terms, own.cells, effort))
     return found
 
 

@@ -18,7 +18,7 @@ from cfcheck.exact.rational import Matrix, Range, sqrt_upper
 from cfcheck.exact.symbolic import Symbolic
 from cfcheck.kernel.level import LevelPiece
 from cfcheck.reader import Broken
-from cfcheck.robustness.hold import ASKED, REFERENCE, TIMING
+from cfcheck.robustness.hold import FROZEN, REFERENCE, TIMING
 from cfcheck.robustness.term_bounds import TermBounds, slopes_of
 
 
@@ -68,7 +68,7 @@ class Terms:
     @cached_property
     def spare(self) -> fmpq:
         """What V̈/σ may be above its largest value at a vertex beside a steady reference."""
-        linear = {name for asked in self.jumps for name in (asked, asked.replace(ASKED, REFERENCE))}
+        linear = {name for frozen in self.jumps for name in (frozen, frozen.replace(FROZEN, REFERENCE))}
         varying = {name: upper - lower for name, (lower, upper) in self.parameters.items() if name not in linear}
         rests = (self.rest(name) * width**2 / 4 for name, width in varying.items() if width)
         return sum(rests, self.wander)
@@ -76,7 +76,7 @@ class Terms:
     @cached_property
     def jumps(self) -> dict[str, fmpq]:
         """Parameters at which V̇ is looked at, with the widths of their intervals."""
-        return {name: upper - lower for name, (lower, upper) in self.parameters.items() if name.startswith(ASKED)}
+        return {name: upper - lower for name, (lower, upper) in self.parameters.items() if name.startswith(FROZEN)}
 
     @cached_property
     def wander(self) -> fmpq:
@@ -133,7 +133,7 @@ class Terms:
         apart = [
             sum(
                 (
-                    width * self.size(self.derivative(entry, name.replace(ASKED, REFERENCE)))
+                    width * self.size(self.derivative(entry, name.replace(FROZEN, REFERENCE)))
                     for name, width in self.jumps.items()
                 ),
                 fmpq(0),

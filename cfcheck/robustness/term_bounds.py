@@ -65,7 +65,7 @@ class TermBounds:
         """A rational that is at least |polynomial|.
 
         Raises:
-            ValueError: it divides by what cannot be told from zero, or a tangent's argument reaches a right angle.
+            ValueError: it divides by what may be zero, or a tangent's argument reaches a right angle.
         """
         self.dynamics.domain.budget.spend(16 * len(polynomial))
         total = fmpq(0)

@@ -1,7 +1,7 @@
 """What a vehicle's graph has to show for a few extreme references to speak for every path within bounds.
 
 Along a path of curvature κ, speed v and acceleration a = dv/dθ the turning rate is κ v, and the rate of the deviation
-x at the inputs u = (u0, …) is asked to have the form
+x at the inputs u = (u0, …) has to have the form
 
     f(x, u; κ, v, a) = f₀(x, u; v) + u0 (κ v g(x) + a h(x))                                               (*)
 

@@ -23,9 +23,9 @@ from cfcheck.clearance.surroundings import (
     MOST_NORMALS,
     Blocked,
     Body,
-    Clearance,
+    ClearanceHints,
     ClearStretch,
-    Surroundings,
+    SurroundingsClaim,
     shadows_of,
 )
 from cfcheck.clearance.sweep import Nearby, Normal
@@ -56,8 +56,8 @@ class NotClear(ValueError):
 
 
 def find_clearance(
-    surroundings: Surroundings, legs: Sequence[Leg], hulls: Hulls | None = None, along: Along | None = None
-) -> Clearance:
+    surroundings: SurroundingsClaim, legs: Sequence[Leg], hulls: Hulls | None = None, along: Along | None = None
+) -> ClearanceHints:
     """Stretches with normals along every leg that `prove_surroundings` accepts; none where there is nothing to clear.
 
     `hulls` and `along`, of the legs' whole path, are given by whoever has them.

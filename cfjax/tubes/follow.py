@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpq
 
-from cfcheck.clearance.surroundings import Clearance, Surroundings
+from cfcheck.clearance.surroundings import ClearanceHints, SurroundingsClaim
 from cfcheck.exact.rational import Range, float_below, rational, sqrt_upper
 from cfcheck.kernel.legs import Joint, prove_joints
 from cfcheck.path.piece import Piece
@@ -93,8 +93,8 @@ class Following:
     ratios: tuple[fmpq, ...]
     timing: Range  # of all tubes together
     vehicle: Vehicle | None = None  # that drives, where it is known
-    surroundings: Surroundings = Surroundings()  # what the body clears in every tube
-    clearance: Clearance = ()  # half-planes that prove it, by run
+    surroundings: SurroundingsClaim = SurroundingsClaim()  # what the body clears in every tube
+    clearance: ClearanceHints = ()  # half-planes that prove it, by run
 
     def __post_init__(self) -> None:
         instance("path", self.path, Path)
@@ -244,7 +244,7 @@ def follow(
         raise InputError(f"path {path.name}: {error}") from None
 
 
-def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: Surroundings) -> Following:
+def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: SurroundingsClaim) -> Following:
     statements = [stated(segment) for segment in path.require_course()]
     reference = _cut(exact_reference(statements))
     pieces = reference.pieces

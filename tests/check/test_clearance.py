@@ -13,7 +13,7 @@ import pytest
 from flint import acb, arb, fmpq
 
 from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim, Shadow
-from cfcheck.clearance.surroundings import ClearStretch, Surroundings, prove_surroundings
+from cfcheck.clearance.surroundings import ClearStretch, SurroundingsClaim, prove_surroundings
 from cfcheck.exact.rational import rational
 from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.legs import Leg
@@ -58,8 +58,8 @@ class Claim(NamedTuple):
         return Leg(Reference(self.pieces, self.start), 0, len(self.pieces), funnel)
 
     @property
-    def surroundings(self) -> Surroundings:
-        return Surroundings((self.obstacle,), (self.disc,))
+    def surroundings(self) -> SurroundingsClaim:
+        return SurroundingsClaim((self.obstacle,), (self.disc,))
 
     def solved(self) -> "Claim":
         (stretches,) = find_clearance(self.surroundings, [self.leg])
