@@ -94,7 +94,8 @@ def bits(value: fmpq) -> int:
 def decimal_text(value: fmpq, rounding: str = ROUND_HALF_EVEN) -> str:
     """The rational itself where its decimal is short, else six significant digits.
 
-    `rounding` is one of `decimal.ROUND_…`, and the number of any size; `ROUND_FLOOR` gives a decimal that is at most the rational, `ROUND_CEILING` at least.
+    `rounding` is one of `decimal.ROUND_…`: `ROUND_FLOOR` gives a decimal that is at most the rational, `ROUND_CEILING`
+    one that is at least the rational. The rational may be of any size.
     """
     above, below = Decimal(int(value.p)), Decimal(int(value.q))
     exact = Context(prec=EXACT_DIGITS)
