@@ -27,10 +27,11 @@ import jax
 import numpy as np
 from jax import export
 
+import cfcheck
 from cfjax.identity import identity
 
 
-PACKAGE = Path(__file__).parent
+PACKAGES = Path(__file__).parent, Path(cfcheck.__file__).parent
 UNKNOWN_OPTION = "No such compile option"
 FOLDER = "traced"  # within JAX's compilation cache
 
@@ -119,8 +120,9 @@ def _write(file: Path, kept: export.Exported) -> None:
 
 @cache
 def source_hash() -> str:
-    """Of every source file of the package, and of the versions of JAX."""
+    """Of every source file of both packages, and of the versions of JAX."""
     digest = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
-    for file in sorted(PACKAGE.rglob("*.py")):
-        digest.update(f"{file.relative_to(PACKAGE)} ".encode() + file.read_bytes())
+    for package in PACKAGES:
+        for file in sorted(package.rglob("*.py")):
+            digest.update(f"{file.relative_to(package)} ".encode() + file.read_bytes())
     return digest.hexdigest()

@@ -288,7 +288,7 @@ def test_a_recipe_names_what_there_is_and_few_files(title: str, most: int) -> No
     assert steps
     files: set[str] = set()
     for step in steps:
-        named = re.findall(r"`((?:cfjax|conf|docs)/[\w/.-]+\.(?:py|md|yaml))`", step)
+        named = re.findall(r"`((?:cfcheck|cfjax|conf|docs)/[\w/.-]+\.(?:py|md|yaml))`", step)
         files |= set(named)
         for name in re.findall(r"\(`(\w+)`\)", step):
             assert any(re.search(rf"\b{name}\b", (RECIPES.parents[1] / file).read_text()) for file in named), name
