@@ -77,13 +77,14 @@ def draw(lines: Sequence[Line], file: Path) -> None:
     figure = Figure(figsize=(6.0, 3.6), layout="constrained")
     axes = figure.subplots()
     for method, name in METHODS.items():
+        colour = COLOURS[method]
         own = sorted((line for line in lines if line.method == method), key=lambda line: -line.beta_lower)
         proven = [(1 - line.beta_lower, line.certified) for line in own if line.certified is not None]
         if proven:
             axes.plot(
                 *zip(*proven, strict=True),
                 "o-",
-                color=COLOURS[method],
+                color=colour,
                 drawstyle="steps-pre",
                 label=f"{name}, certified",
             )
@@ -91,7 +92,7 @@ def draw(lines: Sequence[Line], file: Path) -> None:
         if bounded:
             least = itertools.accumulate((bound for _, bound in bounded), min)
             steps = [thickness for thickness, _ in bounded], [*least]
-            axes.plot(*steps, "v--", color=COLOURS[method], drawstyle="steps-post", label=f"{name}, none above")
+            axes.plot(*steps, "v--", color=colour, drawstyle="steps-post", label=f"{name}, none above")
     axes.set_xlabel("thickness of the shell, 1 − β̲")
     axes.set_ylabel("margin λ, 1/s")
     axes.set_ylim(bottom=0)
