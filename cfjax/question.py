@@ -8,7 +8,7 @@ from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.learner import keys_of_others
 from cfjax.options import Options
-from cfjax.problem import FeedbackLaw, Interval, KinematicBicycle, Method, Path, Problem
+from cfjax.problem import FeedbackLaw, Interval, KinematicBicycle, Method, Path, Problem, Tube
 from cfjax.problem.problem import TIMING
 
 
@@ -70,8 +70,10 @@ def check_question(problem: Problem, options: Options) -> None:
 def _require_provable_law(problem: Problem, law: FeedbackLaw, options: Options) -> None:
     """What a law is proven of, and who learns for one."""
     path = problem.path
-    if path.tube or not all(segment.is_steady for segment in path.curve):
-        raise InputError(f"law: expected straight lines and circles at constant speed, got {path.name}")
+    if path.tube:
+        _require_same_law(problem, law, path.tube)
+    elif not all(segment.is_steady for segment in path.curve):
+        raise InputError(f"law: expected straight lines and circles at constant speed, or a tube, got {path.name}")
     if not law.keeps_time and problem.method is Method.TT:
         raise InputError(f"method: expected pf with law={law.name}, which keeps no time, got tt")
     if options.certificate == "tube":
@@ -81,6 +83,26 @@ def _require_provable_law(problem: Problem, law: FeedbackLaw, options: Options) 
         raise InputError(f"law: expected none with learner={name}, which learns from the inputs of a controller")
     if options.period is not None:
         raise InputError("period: expected none with a law: it is proven of a law that looks one hold ahead")
+
+
+def _require_same_law(problem: Problem, law: FeedbackLaw, tube: Tube) -> None:
+    """That it gives the same inputs at every reference of a tube: what is proven at its ends then holds between them.
+
+    A law that reads a number which is none gives what is none.
+    """
+    reference, none = tube.middle(), math.nan
+    unknown = {
+        "the curvature": {"turn_rate": none},
+        "the speed": {"speed": none} if tube.speed.half else {},
+        "the acceleration": {"speed_slope": none} if tube.acceleration.half else {},
+    }
+    x = [width / 2 for width in problem.inlet.half_axes]
+    for name, number in unknown.items():
+        given = law.inputs(problem.vehicle, x, reference._replace(**number))
+        if not all(math.isfinite(float(value)) for value in given):
+            raise InputError(
+                f"law={law.name}: expected one that does not read {name} of the reference, which changes in a tube"
+            )
 
 
 def _require_steady(path: Path, options: Options) -> None:

@@ -24,6 +24,7 @@ from cfcheck.exact.symbolic import Symbolic, symbolic
 from cfcheck.kernel.containment import broken_containments
 from cfcheck.kernel.decrease import SteadyDecrease
 from cfcheck.kernel.funnel import FunnelClaim, Model
+from cfcheck.kernel.law import LawClaim
 from cfcheck.kernel.legs import Leg, different, prove_joints
 from cfcheck.kernel.program import CellProof
 from cfcheck.path.bounds import Bounds, Extreme, place_of
@@ -59,16 +60,40 @@ class Question:
         if bounds.is_single:
             return bounds.extremes()
         if self.model.law is not None:
-            raise Broken("law: it is proven where curvature and speed do not change; on this path they do")
+            return self._extremes_of_law(self.model.law, bounds)
         if bounds.curvature_rate is not None:
             require_affine_reference(self.dynamics)
             return bounds.extremes()
         require_tube_structure(self.dynamics)
         return bounds.extremes(self.is_mirrored(bounds))
 
+    def _extremes_of_law(self, law: LawClaim, bounds: Bounds) -> list[Extreme]:
+        """Those of a law that is the same at every reference within the bounds.
+
+        Then u is one input at each x, whatever the reference, and what is said of such inputs
+        (`cfcheck.vehicle.structure`) is true of it: u0 alone is left to choose, and one that is good at the worst ends
+        of curvature and acceleration, with this u, is good at all. A law that read what changes would be another input
+        between the ends. No mirror image speaks for another reference: the law need not be its own one.
+
+        Raises:
+            Broken: it is another one from reference to reference.
+        """
+        changing = {
+            "turn_rate": bounds.curvature[0] < bounds.curvature[1] or bounds.speed[0] < bounds.speed[1],
+            "speed": bounds.speed[0] < bounds.speed[1],
+            "speed_slope": bounds.acceleration[0] < bounds.acceleration[1],
+        }
+        read = [name for name, changes in changing.items() if changes and f"reference:{name}" in law.graph.inputs()]
+        if read or bounds.curvature_rate is not None:
+            what = f"it reads {read[0]}, which changes" if read else "the curvature's rate is bounded too"
+            raise Broken(f"law: it is proven where it is the same at every reference of the bounds; here {what}")
+        require_tube_structure(self.dynamics)
+        return bounds.extremes()
+
     def is_mirrored(self, bounds: Bounds) -> bool:
         """Whether references with the upper end of the curvature speak for those with the lower end."""
-        return self.mirror is not None and bounds.curvature[0] == -bounds.curvature[1]
+        is_alike = self.mirror is not None and self.model.law is None
+        return is_alike and bounds.curvature[0] == -bounds.curvature[1]
 
 
 def dynamics_of(model: Model) -> Symbolic:

@@ -8,23 +8,27 @@ from flint import arb, fmpq
 
 @dataclass(frozen=True)
 class Dual:
-    """A ball, and a ball for its derivative by each unknown; without unknowns `partials` is empty."""
+    """A ball, and a ball for its derivative by each unknown; `partials` of a constant are empty, all being zero."""
 
     value: arb
     partials: tuple[arb, ...]
 
     def __add__(self, other: "Dual") -> "Dual":
-        return Dual(self.value + other.value, tuple(map(arb.__add__, self.partials, other.partials)))
+        if self.partials and other.partials:
+            return Dual(self.value + other.value, tuple(map(arb.__add__, self.partials, other.partials)))
+        return Dual(self.value + other.value, self.partials or other.partials)
 
     def __sub__(self, other: "Dual") -> "Dual":
-        return Dual(self.value - other.value, tuple(map(arb.__sub__, self.partials, other.partials)))
+        return self + -other
 
     def __neg__(self) -> "Dual":
         return Dual(-self.value, tuple(map(arb.__neg__, self.partials)))
 
     def __mul__(self, other: "Dual") -> "Dual":
         a, b = self.value, other.value
-        return Dual(a * b, tuple(a * d + b * c for c, d in zip(self.partials, other.partials, strict=True)))
+        if self.partials and other.partials:
+            return Dual(a * b, tuple(a * d + b * c for c, d in zip(self.partials, other.partials, strict=True)))
+        return self._chain(a * b, b) if self.partials else other._chain(a * b, a)
 
     def square(self) -> "Dual":
         """Not below zero where the ball holds zero, other than a product with itself."""
@@ -55,6 +59,8 @@ class Dual:
 
         The mean value theorem where there are derivatives, which the other bound is worse than in a small box.
         """
+        if not self.partials:
+            return self.value.lower()
         swing = sum((arb(half) * abs(d) for half, d in zip(half_widths, self.partials, strict=True)), arb(0))
         by_slope, direct = (middle - swing).lower(), self.value.lower()
         return by_slope if by_slope > direct else direct
@@ -66,6 +72,6 @@ def unknowns(box: Sequence[tuple[fmpq, fmpq]]) -> list[Dual]:
     return [Dual(ball, tuple(arb(int(i == j)) for j in range(len(balls)))) for i, ball in enumerate(balls)]
 
 
-def constant(value: fmpq, count: int) -> Dual:
-    """A number that depends on none of so many unknowns."""
-    return Dual(arb(value), (arb(0),) * count)
+def constant(value: fmpq) -> Dual:
+    """A number that depends on none of the unknowns."""
+    return Dual(arb(value), ())

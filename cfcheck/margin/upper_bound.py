@@ -284,8 +284,7 @@ def leaf_holds(row: Row, margin: fmpq, places: Sequence[Place], leaf: Leaf, box:
     def both(of: Callable[[Sequence[Dual], Lift], Dual]) -> arb:
         """The least value in the box."""
         point = [Dual(arb(low), ()) for low, _ in middle]
-        at = of(point, lambda value: constant(value, 0)).value
-        return of(unknowns(box), lambda value: constant(value, len(box))).least(half_widths, at)
+        return of(unknowns(box), constant).least(half_widths, of(point, constant).value)
 
     def total(candidate: Sequence[Dual], lift: Lift) -> Dual:
         found = lift(fmpq(0))

@@ -29,7 +29,7 @@ class LawContext(NamedTuple):
     """What a law is for, as far as it may fit itself to it."""
 
     vehicle: Vehicle
-    reference: ReferencePoint | None  # of a path that is one straight line or one circle; None of another one
+    reference: ReferencePoint | None  # of one straight line or circle, or the middle of a tube; None of another path
     inputs: tuple[Interval, ...]  # u0 first
     widths: tuple[float, ...]  # half-axes of I, by state
 
@@ -59,7 +59,7 @@ class FeedbackLaw(abc.ABC):
 
 @dataclass(frozen=True)
 class LinearLaw(FeedbackLaw):
-    """u = u_r + K x, u_r being the inputs that hold the reference: of paths that are one straight line or one circle.
+    """u = u_r + K x, u_r being the inputs that hold the reference: of one straight line or circle, or a tube's middle.
 
     Args:
         gain: K, a row for each of the vehicle's inputs, a column for each state, in the units of both. None: the
@@ -90,7 +90,7 @@ class LinearLaw(FeedbackLaw):
 
     def fitted(self, context: LawContext) -> "LinearLaw":
         if context.reference is None:
-            raise InputError("law=linear: expected a path that is one straight line or one circle")
+            raise InputError("law=linear: expected a path that is one straight line or one circle, or a tube")
         gain = _regulator(context, context.reference) if self.gain is None else self.gain
         centre = _holding(context.vehicle, context.reference)[1:] if self.centre is None else self.centre
         count = len(context.vehicle.input_names)

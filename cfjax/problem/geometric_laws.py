@@ -7,6 +7,9 @@ frame lies beside the place that is turned by φ from it, and e to the right of 
     a = 1 + κ px,  b = κ py,  ρ = √(a² + b²):     cos φ = a/ρ,  sin φ = b/ρ,  e = (ρ − 1)/κ
 
 (on a straight line φ = 0 and e = px). `cfjax.baselines` has the same laws on any path, found by Newton's method.
+
+In a tube nobody knows the path ahead, and the car need not know its curvature: there the laws look at the line, or the
+circle of the tube's middle curvature, that touches the path in the reference.
 """
 
 import abc
@@ -49,7 +52,7 @@ class GeometricLaw(FeedbackLaw):
         if context.vehicle.input_names not in STEERED or not hasattr(context.vehicle, "wheelbase"):
             raise InputError(f"law={self.name}: expected a car with a wheelbase that is steered by w, got others")
         if context.reference is None:
-            raise InputError(f"law={self.name}: expected a path that is one straight line or one circle")
+            raise InputError(f"law={self.name}: expected a path that is one straight line or one circle, or a tube")
         return replace(self, curvature=float(context.reference.turn_rate / context.reference.speed))
 
     def inputs(self, vehicle: Vehicle, x: Sequence[Scalar], reference: ReferencePoint) -> tuple[Scalar, ...]:

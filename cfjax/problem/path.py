@@ -335,7 +335,11 @@ class Path:
 
     @property
     def steady_reference(self) -> ReferencePoint | None:
-        """The one reference of a straight line or a circle at constant speed; None of another path."""
+        """The one reference of a straight line or a circle at constant speed, or the middle of a tube's bounds; None of
+        another path.
+        """
+        if self.tube:
+            return self.tube.middle()
         steady = [segment for segment in self.curve if segment.is_steady and len(self.distinct) == 1]
         return steady[0].point(0.0) if steady else None
 

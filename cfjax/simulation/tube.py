@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from cfjax.coerce import number, objects, whole
-from cfjax.control import MinNorm, law_numbers, path_point
+from cfjax.control import Given, Law, MinNorm, law_numbers, path_point
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.funnel import require_fit
@@ -173,10 +173,11 @@ def _worst_ends(
     )
 
 
-@partial(jax.jit, static_argnames=("vehicle", "template", "steps", "stride"))
+@partial(jax.jit, static_argnames=("vehicle", "template", "law", "steps", "stride"))
 def drive_tube(
     vehicle: Vehicle,
     template: Template,
+    law: Law,
     loop: Loop,
     bounds: TubeBounds,
     goal: Float[Array, " n"],
@@ -223,7 +224,7 @@ def drive_tube(
         seen = path_point(jnp.where(crew.blind, middle, kappa.value), paths.speed, held)
         imposed = tuple(jnp.where(crew.robust, end, kappa.value) for end in bounds.curvature)
         moving = loop._replace(numbers=loop.numbers._replace(curvature=imposed), step=clock)
-        after, inputs = advance(vehicle, template, MinNorm(), moving, going_on(actual, seen, cars.theta), cars)
+        after, inputs = advance(vehicle, template, law, moving, going_on(actual, seen, cars.theta), cars)
         speed = jnp.clip(paths.speed + held * (after.theta - cars.theta), lower, upper)
         record = jax.tree.map(lambda now: now[::stride], TubeRecord(cars.clock, cars.theta, cars.x, actual, inputs))
         return (after, Paths(speed, kappa, a), jnp.maximum(worst_goal, goal_share(after.x))), record
@@ -321,8 +322,9 @@ def drive_tube_cars(
 
     stride = max(1, cars // RECORDED)
     driven = drive_tube(
-        problem.vehicle,
+        problem.driven,
         funnel.template,
+        MinNorm() if problem.law is None else Given(),
         loop_of(problem, numbers, length),
         TubeBounds(as_pair(tube.curvature), as_pair(tube.speed), as_pair(tube.acceleration)),
         jnp.array(problem.goal_axes),

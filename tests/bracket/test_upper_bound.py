@@ -10,6 +10,7 @@ from flint import fmpq
 
 import cfjax
 from cfcheck import Outcome, check_document
+from cfcheck.margin import dual
 from cfcheck.margin.dual import Dual, constant
 from cfcheck.margin.upper_bound import Leaf, Row, leaf_holds
 from cfcheck.margin.upper_bound_file import read_upper_bound
@@ -110,9 +111,9 @@ def test_unknowns_say_whether_a_candidate_satisfies_a_and_b(c0: float) -> None:
         inside = np.linalg.eigvalsh(4 * np.eye(4) - shape)[0] > 0
         inside &= np.linalg.eigvalsh(shape - 4 * (1 - 2 * c0) * np.eye(4))[0] > 0
         unknown = [
-            Dual(constant(fmpq(*float(value).as_integer_ratio()), 0).value, ()) for value in candidate_of(shape, c0)
+            Dual(constant(fmpq(*float(value).as_integer_ratio())).value, ()) for value in candidate_of(shape, c0)
         ]
-        conditions = question.conditions(unknown, lambda value: constant(value, 0))
+        conditions = question.conditions(unknown, constant)
         seen.add(bool(inside))
         if inside:
             assert all(condition.value > 0 for condition in conditions)
@@ -126,8 +127,8 @@ def test_a_box_of_one_candidate_is_empty_where_a_condition_fails() -> None:
     for _ in range(300):
         low, high = (np.array([float(end[k]) for end in question.root]) for k in (0, 1))
         candidate = [fmpq(round(1024 * value), 1024) for value in rng.uniform(low, high)]
-        unknown = [Dual(constant(value, 0).value, ()) for value in candidate]
-        conditions = [condition.value for condition in question.conditions(unknown, lambda value: constant(value, 0))]
+        unknown = [Dual(constant(value).value, ()) for value in candidate]
+        conditions = [condition.value for condition in question.conditions(unknown, constant)]
         box = tuple((value, value) for value in candidate)
         for block in (0, 1):
             holds = all(condition > 0 for condition in conditions[3 * block : 3 * block + 3])
@@ -150,8 +151,8 @@ def test_the_rate_at_a_place_is_that_of_the_dynamics() -> None:
         steering, thrust, speed = 0.7, -2.0, 2.0
         fast = x[3] + speed
         rates = [fast / 0.34 * steering, -fast * np.sin(x[0]), fast * np.cos(x[0]) - speed, thrust]
-        unknown = [Dual(constant(fmpq(*float(value).as_integer_ratio()), 0).value, ()) for value in candidate]
-        rate = bound.row.value_rate(place, 0, unknown, lambda value: constant(value, 0))
+        unknown = [Dual(constant(fmpq(*float(value).as_integer_ratio())).value, ()) for value in candidate]
+        rate = bound.row.value_rate(place, 0, unknown, constant)
         assert float(rate.value.mid()) == pytest.approx(2 * x @ SHAPE @ rates + 0.1, abs=1e-9)
 
 
@@ -172,6 +173,22 @@ def test_intervals_hold_values_and_derivatives() -> None:
         at = function(unknowns(point, point), Lift(3))
         for outer, inner in ((wide.value, at.value), (wide.slopes, at.slopes)):
             assert (outer[0] <= inner[0] + 1e-12).all() and (outer[1] >= inner[1] - 1e-12).all()
+
+
+def test_derivatives_beside_constants() -> None:
+    """Constants carry no derivatives, on either side of every operation."""
+    u, v = dual.unknowns([(fmpq(3, 2), fmpq(3, 2)), (fmpq(1, 2), fmpq(1, 2))])
+    two = constant(fmpq(2))
+    for number, by_u, by_v in (
+        (two * u - v, 2, -1),
+        (u * two - two * v.square(), 2, -2),
+        (two - u * v, -0.5, -1.5),
+        ((u + two).square() * two, 14, 0),
+        ((two + v).inverse(), 0, -0.16),
+    ):
+        assert [float(partial.mid()) for partial in number.partials] == pytest.approx([by_u, by_v])
+    assert (two * two - two).partials == ()
+    assert (two * two - two).least([fmpq(1), fmpq(1)], two.value) == 2
 
 
 def test_other_questions_are_refused_in_one_line() -> None:

@@ -224,12 +224,19 @@ def test_an_enclosure_of_the_law_is_proven(quotient: dict[str, Any]) -> None:
     assert outcome is Outcome.BROKEN and "is larger than its enclosure claims" in message
 
 
-def test_a_law_on_a_path_of_many_references_is_refused(linear: dict[str, Any]) -> None:
+def test_a_law_is_proven_at_every_extreme_reference(linear: dict[str, Any]) -> None:
     def change(document: dict[str, Any]) -> None:
         document["hints"]["decrease"][0]["stretches"][0]["bounds"]["curvature"] = ["-1/1000", "1/1000"]
 
     outcome, message = spoiled(linear, change)
-    assert outcome is Outcome.BROKEN and "law: it is proven where curvature and speed do not change" in message
+    assert outcome is Outcome.BROKEN and "the proof has to cover 24 cells" in message
+
+    def with_a_rate(document: dict[str, Any]) -> None:
+        change(document)
+        document["hints"]["decrease"][0]["stretches"][0]["bounds"]["curvature_rate"] = ["-1", "1"]
+
+    outcome, message = spoiled(linear, with_a_rate)
+    assert outcome is Outcome.BROKEN and "here the curvature's rate is bounded too" in message
 
 
 # --- refuted candidates

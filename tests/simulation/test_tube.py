@@ -121,9 +121,8 @@ def test_sharper_turns_than_the_tube_allows_throw_cars_out() -> None:
     starts = _starts(jax.random.key(1), PROBLEM, FUNNEL, 300)
     loop = loop_of(PROBLEM, law, step_length(PROBLEM, TUBE, FUNNEL))
     goal = jnp.array(PROBLEM.goal.half_axes)
-    cars, _, _ = drive_tube(
-        PROBLEM.vehicle, FUNNEL.template, loop, bounds, goal, starts, jax.random.key(2), steps=1000, stride=300
-    )
+    given = PROBLEM.vehicle, FUNNEL.template, MinNorm(), loop, bounds, goal, starts
+    cars, _, _ = drive_tube(*given, jax.random.key(2), steps=1000, stride=300)
     assert (np.asarray(cars.largest_value) > 1.01).sum() > 10
 
 
