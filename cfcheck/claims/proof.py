@@ -17,7 +17,7 @@ from cfcheck.claims.assumptions import require_supported
 from cfcheck.claims.document import Certificate, Claims
 from cfcheck.claims.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
 from cfcheck.claims.problem import ProblemClaim
-from cfcheck.claims.references import place_of
+from cfcheck.claims.references import place_of, turning_jumps
 from cfcheck.claims.similarity import Model
 from cfcheck.clearance.surroundings import prove_surroundings
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
@@ -28,7 +28,7 @@ from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.legs import Leg, different, prove_joints
 from cfcheck.kernel.program import CellProof
 from cfcheck.path.bounds import Bounds, Extreme
-from cfcheck.path.piece import between, turning_jumps
+from cfcheck.path.piece import between
 from cfcheck.reader import Broken
 from cfcheck.vehicle.model import check_known_vehicle
 from cfcheck.vehicle.structure import is_mirror, require_affine_reference, require_tube_structure

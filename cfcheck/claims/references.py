@@ -1,9 +1,12 @@
-"""Bounds of references as a file writes them, and one reference as a message names it."""
+"""References as claims have them: bounds as a file writes them, one reference in words, what changes along pieces."""
 
+import itertools
 from collections.abc import Sequence
 
+from cfcheck.exact.polynomial import evaluate
 from cfcheck.exact.rational import Range, about
 from cfcheck.path.bounds import Bounds, Extreme
+from cfcheck.path.piece import Piece
 from cfcheck.reader import Item
 
 
@@ -54,3 +57,21 @@ def _bounds(entries: Sequence[Item]) -> Bounds:
     if not found[BOUNDS.index("speed")][0] > 0:
         entries[BOUNDS.index("speed")].refuse("speeds above zero")
     return Bounds(**dict(zip((*BOUNDS, CURVATURE_RATE), found, strict=False)))
+
+
+def are_steady(pieces: Sequence[Piece]) -> bool:
+    """Whether they are written so that turning rate and speed are one number each in all of them."""
+    first = pieces[0]
+    return all(
+        piece.is_constant and (piece.turn_rate, piece.speed) == (first.turn_rate, first.speed) for piece in pieces
+    )
+
+
+def turning_jumps(pieces: Sequence[Piece]) -> bool:
+    """Whether the turning rate does between two of them that follow each other."""
+    return any(jumps_in_turning(one, other) for one, other in itertools.pairwise(pieces))
+
+
+def jumps_in_turning(before: Piece, after: Piece) -> bool:
+    """Whether the turning rate is another one where the second piece begins than where the first one ends."""
+    return evaluate(before.turn_rate, before.duration) != after.turn_rate[0]

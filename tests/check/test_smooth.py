@@ -14,9 +14,10 @@ from flint import fmpq
 
 from cfcheck import Outcome, Report, check_document
 from cfcheck.claims.document import document_hash
+from cfcheck.claims.references import jumps_in_turning
 from cfcheck.exact.rational import rational
 from cfcheck.path.bounds import Bounds
-from cfcheck.path.piece import Piece, jumps_in_turning
+from cfcheck.path.piece import Piece
 from cfcheck.reader import Broken
 from cfcheck.replay import check_robustness
 from cfcheck.vehicle.structure import has_tube_structure, require_affine_reference
