@@ -18,7 +18,6 @@ from cfcheck.claims.problem import ProblemClaim
 from cfcheck.claims.proof import dynamics_of, prove_funnels
 from cfcheck.claims.proven import Bounded, Proven, Refuted
 from cfcheck.claims.refutation import confirm_witness, references_of
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.margin.upper_bound_file import is_upper_bound, read_upper_bound
 from cfcheck.reader import Broken, Unreadable, read_json
 from cfcheck.report import Outcome, Report
@@ -26,6 +25,7 @@ from cfcheck.robustness.amounts import BoundsOver, Stated, verified
 from cfcheck.robustness.descent import bounds_over
 from cfcheck.robustness.hold_hints import read_robustness
 from cfcheck.robustness.sampled import prove_holds
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 CERTIFICATE_NAME, ROBUSTNESS_NAME = "certificate.json", "robustness.json"

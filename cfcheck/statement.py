@@ -15,11 +15,12 @@ from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims
 from cfcheck.claims.problem import PlacedPath, ProblemClaim
 from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation
+from cfcheck.claims.references import place_of
 from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.rational import Range, about, decimal_text
 from cfcheck.kernel.containment import half_widths
 from cfcheck.kernel.funnel import LAW_SHARE, FunnelClaim
-from cfcheck.path.bounds import Bounds, place_of
+from cfcheck.path.bounds import Bounds
 from cfcheck.robustness.amounts import LawNumbers, ProvenRobustness
 from cfcheck.robustness.ranges import SampledClaim
 from cfcheck.vehicle.model import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim

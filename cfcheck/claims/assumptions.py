@@ -10,15 +10,16 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from cfcheck.claims.problem import ProblemClaim
+from cfcheck.claims.references import are_steady, jumps_in_turning
 from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.rational import about
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.path.bounds import Bounds
-from cfcheck.path.piece import Piece, are_steady, jumps_in_turning
+from cfcheck.path.piece import Piece
 from cfcheck.reader import Broken
 from cfcheck.vehicle.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
 from cfcheck.vehicle.model import KNOWN_VEHICLES, VehicleClaim
 from cfcheck.vehicle.structure import TURN_RATE_SLOPE
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 class Assumptions(NamedTuple):

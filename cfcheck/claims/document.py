@@ -14,10 +14,11 @@ from flint import fmpq
 
 from cfcheck.claims.hints import MOST_GRAM_ENTRIES, DecreaseHints, Room, read_decrease
 from cfcheck.claims.problem import MOST_PIECES, ProblemClaim, problem_of, read_inputs, read_vehicle
+from cfcheck.claims.similarity import Model
 from cfcheck.clearance.surroundings import ClearanceHints, read_clearance
 from cfcheck.exact.definite import symmetric
 from cfcheck.exact.rational import Matrix
-from cfcheck.kernel.funnel import FunnelClaim, Model
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.level import LEVELS
 from cfcheck.path.bounds import MOST_EXTREMES, Bounds

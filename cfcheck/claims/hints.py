@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 from flint import fmpq
 
+from cfcheck.claims.references import read_stretch_bounds
 from cfcheck.exact.graph import MOST_FUNCTIONS, MOST_INPUTS, MOST_NODES
 from cfcheck.exact.rational import Matrix
 from cfcheck.kernel.decrease import by_boundary
 from cfcheck.kernel.program import Gram
-from cfcheck.path.bounds import MOST_EXTREMES, Bounds, read_stretch_bounds
+from cfcheck.path.bounds import MOST_EXTREMES, Bounds
 from cfcheck.reader import Item
 
 

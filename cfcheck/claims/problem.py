@@ -10,15 +10,16 @@ from typing import NamedTuple
 
 from flint import acb, arb, fmpq
 
+from cfcheck.claims.references import are_steady, read_bounds
+from cfcheck.claims.similarity import Inputs, Model
 from cfcheck.clearance.surroundings import SurroundingsClaim, read_surroundings
 from cfcheck.exact.graph import ARITY, MOST_INPUTS, MOST_NODES, MOST_STATES, Graph, Node
 from cfcheck.exact.polynomial import Coefficients
 from cfcheck.exact.rational import bits
 from cfcheck.kernel.containment import Sets
-from cfcheck.kernel.funnel import Inputs, Model
 from cfcheck.kernel.law import READABLE, LawClaim
-from cfcheck.path.bounds import Bounds, read_bounds
-from cfcheck.path.piece import Piece, are_steady
+from cfcheck.path.bounds import Bounds
+from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose, Reference
 from cfcheck.reader import Broken, Item, Unreadable
 from cfcheck.vehicle.model import VehicleClaim

@@ -17,21 +17,23 @@ from cfcheck.claims.assumptions import require_supported
 from cfcheck.claims.document import Certificate, Claims
 from cfcheck.claims.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
 from cfcheck.claims.problem import ProblemClaim
+from cfcheck.claims.references import place_of, turning_jumps
+from cfcheck.claims.similarity import Model
 from cfcheck.clearance.surroundings import prove_surroundings
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfcheck.exact.rational import Range, about, bits, decimal_text
-from cfcheck.exact.symbolic import Symbolic, symbolic
 from cfcheck.kernel.containment import broken_containments
 from cfcheck.kernel.decrease import SteadyDecrease
-from cfcheck.kernel.funnel import FunnelClaim, Model
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.law import LawClaim
 from cfcheck.kernel.legs import Leg, different, prove_joints
 from cfcheck.kernel.program import CellProof
-from cfcheck.path.bounds import Bounds, Extreme, place_of
-from cfcheck.path.piece import between, turning_jumps
+from cfcheck.path.bounds import Bounds, Extreme
+from cfcheck.path.piece import between
 from cfcheck.reader import Broken
 from cfcheck.vehicle.model import check_known_vehicle
 from cfcheck.vehicle.structure import is_mirror, require_affine_reference, require_tube_structure
+from cfcheck.vehicle.symbolic import Symbolic, symbolic
 
 
 MOST_EFFORT = 16 * LARGEST_EFFORT  # of a whole file; a circle's proof takes a million, a stretch of a curve two

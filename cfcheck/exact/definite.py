@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from operator import mul
 from typing import TypeVar
 
-from flint import fmpq_mat, fmpz_mat
+from flint import fmpq, fmpq_mat, fmpz_mat
 
 from cfcheck.exact.rational import Matrix
 
@@ -25,6 +25,13 @@ RESERVE = 2.0**-26  # of the largest diagonal entry: what rounding a factor may 
 def exact_matrix(rows: Matrix) -> fmpq_mat:
     """The matrix with these rows."""
     return fmpq_mat([list(row) for row in rows])
+
+
+def diagonal(entries: Sequence[fmpq]) -> fmpq_mat:
+    """The diagonal matrix with these entries."""
+    return exact_matrix(
+        [[entry if i == j else fmpq(0) for j in range(len(entries))] for i, entry in enumerate(entries)]
+    )
 
 
 def symmetric(lower: Sequence[Entry]) -> list[list[Entry]]:

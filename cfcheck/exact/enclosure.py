@@ -229,6 +229,11 @@ class Domain:
         return zeroth, linear, square
 
 
+def remainder_sum(first: Remainder, second: Remainder) -> Remainder:
+    """The bound of a sum of two functions with these bounds."""
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
+
+
 def _short_remainder(value: fmpq) -> fmpq:
     """Rounded up to arb's precision, or remainders would grow longer with every operation."""
     if value > LARGEST_REMAINDER:
@@ -257,7 +262,7 @@ class Enclosure:
 
     def __add__(self, other: "Enclosure") -> "Enclosure":
         total = self.domain.sum(self.polynomial, other.polynomial)
-        return Enclosure(self.domain, total, _sum(self.remainder, other.remainder))
+        return Enclosure(self.domain, total, remainder_sum(self.remainder, other.remainder))
 
     def __sub__(self, other: "Enclosure") -> "Enclosure":
         return self + -other
@@ -269,7 +274,7 @@ class Enclosure:
         remainder = self.domain.remainder_product(self.remainder, other.remainder)
         for one, two in ((self, other), (other, self)):
             if any(two.remainder):
-                remainder = _sum(remainder, self.domain.remainder_product(one.sizes, two.remainder))
+                remainder = remainder_sum(remainder, self.domain.remainder_product(one.sizes, two.remainder))
         return Enclosure(self.domain, self.domain.product(self.polynomial, other.polynomial), remainder)
 
     def cut(self, degree: int) -> "Enclosure":
@@ -279,7 +284,7 @@ class Enclosure:
             return self
         left_out = self.domain.sizes(self.domain.sum(self.polynomial, self.domain.negative(kept)))
         beside = self.domain.remainder_product(left_out, (fmpq(1),))
-        return Enclosure(self.domain, kept, _sum(self.remainder, beside))
+        return Enclosure(self.domain, kept, remainder_sum(self.remainder, beside))
 
     @cached_property
     def sizes(self) -> list[fmpq]:
@@ -341,12 +346,8 @@ class Enclosure:
         remainder: Remainder = (unary.bound, fmpq(0), fmpq(0))
         if any(self.remainder):  # between p and f, along which the function changes by its slope
             slope = proven_slope(unary.function, unary.lower, unary.upper)
-            remainder = _sum(remainder, self.domain.remainder_product((slope,), self.remainder))
+            remainder = remainder_sum(remainder, self.domain.remainder_product((slope,), self.remainder))
         return Enclosure(self.domain, result, remainder)
-
-
-def _sum(first: Remainder, second: Remainder) -> Remainder:
-    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
 
 
 def cut(polynomial: fmpq_mpoly, degree: int) -> fmpq_mpoly:

@@ -73,10 +73,7 @@ def _has_simple_root(control: list[fmpq]) -> bool:
 
 def evaluate(coefficients: Sequence[fmpq], at: fmpq) -> fmpq:
     """Its value there."""
-    result = fmpq(0)
-    for coefficient in reversed(coefficients):
-        result = result * at + coefficient
-    return result
+    return fmpq_poly(list(coefficients))(at)
 
 
 def integral(coefficients: Sequence[fmpq]) -> Coefficients:

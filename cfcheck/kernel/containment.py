@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mat
 
-from cfcheck.exact.definite import exact_matrix, is_positive_definite
+from cfcheck.exact.definite import diagonal, exact_matrix, is_positive_definite
 from cfcheck.exact.rational import Matrix, Range, pi_lower, sqrt_upper
 
 
@@ -65,5 +65,4 @@ def half_widths(shape: Matrix) -> list[fmpq]:
 
 def _ellipsoid(half_axes: Sequence[fmpq]) -> fmpq_mat:
     """The diagonal P for which {xᵀ P x ≤ 1} has these half-axes."""
-    size = len(half_axes)
-    return fmpq_mat(size, size, [1 / axis**2 if i == j else 0 for i, axis in enumerate(half_axes) for j in range(size)])
+    return diagonal([1 / axis**2 for axis in half_axes])

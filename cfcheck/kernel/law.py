@@ -22,7 +22,7 @@ from functools import cached_property
 
 from flint import fmpq, fmpq_mpoly
 
-from cfcheck.exact.enclosure import Enclosure, Remainder
+from cfcheck.exact.enclosure import Enclosure, Remainder, remainder_sum
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.quotient import Quotient
 
@@ -68,7 +68,7 @@ class Limited:
     def _beside(self, end: fmpq) -> Remainder:
         """c + |end| ε_D: what s leaves out, beside the numerator's own remainder."""
         of_denominator = self.denominator.domain.remainder_product((abs(end),), self.denominator.remainder)
-        return _sum(self._cut(end).remainder, of_denominator)
+        return remainder_sum(self._cut(end).remainder, of_denominator)
 
     def constraints(self, regime: int) -> list[fmpq_mpoly]:
         """Polynomials that are not negative on the cell."""
@@ -85,13 +85,9 @@ class Limited:
             remainder = _largest(own, self._beside(self.lower), self._beside(self.upper))
             return Quotient(Enclosure(domain, self.own.numerator.polynomial, remainder), self.own.powers)
         end = self.lower if regime == LOW else self.upper
-        beyond = _sum(own, self._beside(end))
+        beyond = remainder_sum(own, self._beside(end))
         remainder = domain.remainder_product((1 / self.own.least_denominator,), beyond)
         return Quotient(Enclosure(domain, domain.ring.constant(end), remainder))
-
-
-def _sum(first: Remainder, second: Remainder) -> Remainder:
-    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
 
 
 def _largest(*remainders: Sequence[fmpq]) -> Remainder:

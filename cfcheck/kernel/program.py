@@ -17,9 +17,9 @@ from itertools import count, product
 from math import isqrt
 from typing import Any
 
-from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from cfcheck.exact.definite import exact_matrix, is_positive_definite, is_positive_definite_whole, symmetric
+from cfcheck.exact.definite import diagonal, exact_matrix, is_positive_definite, is_positive_definite_whole, symmetric
 from cfcheck.exact.enclosure import Domain
 from cfcheck.exact.rational import Matrix
 
@@ -145,11 +145,10 @@ class FunnelProgram(abc.ABC):
     @cached_property
     def domain(self) -> Domain:
         """The ball |y|² ≤ 1 + slack, which holds {q ≤ peak}: proven, for W is only nearly (C/peak)^{−1/2}."""
-        radius_squared, size = 1 + RADIUS_SLACK, len(self.states)
+        radius_squared = 1 + RADIUS_SLACK
         whitening = exact_matrix(self.whitening)
         form = whitening.transpose() * exact_matrix(self.shape) * whitening  # q = yᵀ form y
-        least = fmpq_mat(size, size, [self.peak if i == j else 0 for i in range(size) for j in range(size)])
-        if not is_positive_definite(form * radius_squared - least):
+        if not is_positive_definite(form * radius_squared - diagonal([self.peak] * len(self.states))):
             raise ValueError("the whitening is not close enough to (C/peak)^{-1/2}, or C is not positive definite")
         return Domain(self.ring, radius_squared)
 

@@ -5,18 +5,16 @@ a = dv_r/dθ and, where the states of a reference go with the curvature, its rat
 these. Why their extreme references speak for all of them is shown on the vehicle's graph (`cfcheck.vehicle.structure`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.exact.rational import Range, about
-from cfcheck.reader import Item
+from cfcheck.exact.rational import Range
 
 
-BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate"
 MOST_EXTREMES = 16  # references of a stretch: ends of curvature and its rate, speed, acceleration
 
 
@@ -101,49 +99,3 @@ def _profile(kappa: fmpq, v: fmpq, a: fmpq, kappa_rate: fmpq | None = None) -> d
 
 def _ends(interval: Range) -> list[fmpq]:
     return sorted(set(interval))
-
-
-def place_of(extremes: Sequence[Extreme], index: int) -> str:
-    """Which reference is spoken of, in words; nothing where there is but one."""
-    if len(extremes) == 1:
-        return ""
-    profile = extremes[index].profile
-    curvature = profile["turn_rate"] / profile["speed"]
-    changing = (profile["turn_rate_slope"] - curvature * profile["speed_slope"]) / profile["speed"]
-    return (
-        f"curvature {about(curvature)} 1/m, speed {about(profile['speed'])} m/s, "
-        f"acceleration {about(profile['speed_slope'])} m/s^2, "
-        + (
-            f"curvature rate {about(changing)} 1/(m s), "
-            if any(each.profile["turn_rate_slope"] for each in extremes)
-            else ""
-        )
-    )
-
-
-def read_bounds(item: Item) -> Bounds:
-    """Intervals of curvature (1/m), speed (m/s) and acceleration (m/s²).
-
-    Raises:
-        Unreadable: says what was expected where.
-    """
-    return _bounds(item.record(*BOUNDS))
-
-
-def read_stretch_bounds(item: Item) -> Bounds:
-    """The same of a stretch of path, and the rate of its curvature, 1/(m s), where that is bounded."""
-    if isinstance(item.value, dict) and CURVATURE_RATE in item.value:
-        return _bounds(item.record(*BOUNDS, CURVATURE_RATE))
-    return read_bounds(item)
-
-
-def _bounds(entries: Sequence[Item]) -> Bounds:
-    found: list[Range] = []
-    for entry in entries:
-        lower, upper = (end.rational() for end in entry.items(2, 2))
-        if lower > upper:
-            entry.refuse("an interval, lower end first")
-        found.append((lower, upper))
-    if not found[BOUNDS.index("speed")][0] > 0:
-        entries[BOUNDS.index("speed")].refuse("speeds above zero")
-    return Bounds(**dict(zip((*BOUNDS, CURVATURE_RATE), found, strict=False)))

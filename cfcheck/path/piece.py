@@ -209,24 +209,6 @@ def _padded(coefficients: Coefficients, size: int) -> Coefficients:
     return (*coefficients, *[fmpq(0)] * (size - len(coefficients)))
 
 
-def are_steady(pieces: Sequence[Piece]) -> bool:
-    """Whether they are written so that turning rate and speed are one number each in all of them."""
-    first = pieces[0]
-    return all(
-        piece.is_constant and (piece.turn_rate, piece.speed) == (first.turn_rate, first.speed) for piece in pieces
-    )
-
-
-def turning_jumps(pieces: Sequence[Piece]) -> bool:
-    """Whether the turning rate does between two of them that follow each other."""
-    return any(jumps_in_turning(one, other) for one, other in itertools.pairwise(pieces))
-
-
-def jumps_in_turning(before: Piece, after: Piece) -> bool:
-    """Whether the turning rate is another one where the second piece begins than where the first one ends."""
-    return evaluate(before.turn_rate, before.duration) != after.turn_rate[0]
-
-
 def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq, effort: Budget | None = None) -> list[Piece]:
     """What the pieces of a leg have between two θ (s, from its start), cut exactly there; paid for as decisions are."""
     found = []

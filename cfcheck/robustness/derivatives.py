@@ -14,12 +14,12 @@ from flint import fmpq, fmpq_mpoly
 
 from cfcheck.claims.proof import Question
 from cfcheck.exact.rational import Range
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.path.reference import Gap
 from cfcheck.reader import Broken
 from cfcheck.robustness.hold import TIMING
 from cfcheck.robustness.term_bounds import slopes_of
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 @dataclass(frozen=True)

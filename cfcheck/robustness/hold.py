@@ -32,10 +32,10 @@ from flint import fmpq, fmpq_mpoly
 from cfcheck.exact.enclosure import Enclosure, UnaryEnclosure
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import Matrix, Range, sqrt_upper
-from cfcheck.exact.symbolic import DERIVATIVES
 from cfcheck.kernel.level import LevelPiece
 from cfcheck.kernel.program import FunnelProgram
 from cfcheck.robustness.parametric import Combination, Parametric, Point
+from cfcheck.vehicle.symbolic import DERIVATIVES
 
 
 ApplyFunction = Callable[[int, str, Enclosure], Enclosure]

@@ -17,9 +17,10 @@ from cfcheck.claims.hints import (
     read_gram,
     read_matrix,
 )
+from cfcheck.claims.references import read_bounds
 from cfcheck.exact.rational import Matrix
 from cfcheck.kernel.program import Gram
-from cfcheck.path.bounds import Bounds, read_bounds
+from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken, Item
 from cfcheck.robustness.amounts import AbsorbedClaim, Stated
 from cfcheck.robustness.hold import ORDERS

@@ -16,13 +16,13 @@ from flint import fmpq, fmpq_mpoly
 
 from cfcheck.exact.enclosure import Enclosure, UnaryEnclosure
 from cfcheck.exact.rational import Matrix, Range, sqrt_upper
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.level import ONE, ZERO, Affine, Contracting, LevelPiece
 from cfcheck.kernel.program import FunnelProgram, monomials
 from cfcheck.reader import Broken
 from cfcheck.robustness.derivatives import SteadyLeg, control_points, derivatives
 from cfcheck.robustness.parametric import Combination, Parametric
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 DEGREES = (3, 2)  # of the monomials in Gram matrices of a leaf: of the free square, and of forks and the range

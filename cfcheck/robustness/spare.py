@@ -15,11 +15,11 @@ from flint import fmpq, fmpq_mpoly
 
 from cfcheck.exact.definite import exact_matrix
 from cfcheck.exact.rational import Matrix, Range, sqrt_upper
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.kernel.level import LevelPiece
 from cfcheck.reader import Broken
 from cfcheck.robustness.hold import FROZEN, REFERENCE, TIMING
 from cfcheck.robustness.term_bounds import TermBounds, slopes_of
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 def require_affine(dynamics: Symbolic, parameters: Mapping[str, Range]) -> None:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from flint import arb, fmpq, fmpq_mpoly
 
 from cfcheck.exact.rational import Range, bits, lower_bound, sqrt_lower, sqrt_upper, upper_bound
-from cfcheck.exact.symbolic import DERIVATIVES, Symbolic
+from cfcheck.vehicle.symbolic import DERIVATIVES, Symbolic
 
 
 LONGEST_RANGE = 1024  # bits of the ends of an interval

@@ -17,9 +17,9 @@ from collections.abc import Sequence
 
 from flint import fmpq, fmpq_mpoly
 
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.vehicle.model import POSE
 from cfcheck.vehicle.structure import SPEED, SPEED_SLOPE, TURN_RATE, TURN_RATE_SLOPE
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 TIMING = "input:u0"

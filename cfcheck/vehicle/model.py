@@ -12,8 +12,8 @@ from flint import fmpq, fmpq_mpoly
 
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import Range
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.reader import Broken
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 POSE = ("alpha", "x", "y")  # in the plane, from the reference, in the body frame of that

@@ -33,8 +33,8 @@ from math import comb
 from flint import fmpq, fmpq_mpoly
 
 from cfcheck.exact.rational import Matrix, Range
-from cfcheck.exact.symbolic import Symbolic
 from cfcheck.reader import Broken
+from cfcheck.vehicle.symbolic import Symbolic
 
 
 TURN_RATE, SPEED = "reference:turn_rate", "reference:speed"

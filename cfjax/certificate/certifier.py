@@ -24,11 +24,11 @@ from cfcheck.claims.problem import ProblemClaim, read_problem
 from cfcheck.claims.proof import prove_sets
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import float_below
-from cfcheck.exact.symbolic import symbolic
 from cfcheck.kernel.legs import Joint, from_zero, gaps
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfcheck.reader import Broken, Unreadable
+from cfcheck.vehicle.symbolic import symbolic
 from cfjax.certificate.clearance import NotClear, find_clearance
 from cfjax.certificate.joints import widest_ratio
 from cfjax.certificate.prover import Means, NotProven, Progress, Prover, StretchProof, place_on

@@ -17,10 +17,11 @@ from flint import fmpq
 from cfcheck.claims.hints import CellHints, CellKey
 from cfcheck.claims.problem import ProblemClaim
 from cfcheck.claims.proof import signs_text
+from cfcheck.claims.references import place_of
 from cfcheck.exact.enclosure import TooLarge
 from cfcheck.exact.rational import decimal_text, dyadic
 from cfcheck.kernel.decrease import Cell, SteadyDecrease
-from cfcheck.path.bounds import Bounds, place_of
+from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfcheck.reader import Broken
 from cfcheck.vehicle.structure import has_tube_structure

@@ -17,11 +17,11 @@ from cfcheck.claims.problem import ProblemClaim
 from cfcheck.claims.proof import Question
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Enclosure, TooLarge, UnaryEnclosure
 from cfcheck.exact.rational import Range
-from cfcheck.exact.symbolic import symbolic
 from cfcheck.kernel.decrease import SteadyDecrease, by_boundary
 from cfcheck.kernel.law import DEGREES as LAW_DEGREES
 from cfcheck.path.bounds import Bounds, Extreme
 from cfcheck.path.piece import Piece, between
+from cfcheck.vehicle.symbolic import symbolic
 from cfjax.certificate.fit import DEGREES, SPARING, enclose
 from cfjax.certificate.mirror import mirrored
 from cfjax.certificate.rounding import GRAM_BITS, RoundedFunnel, round_whitening

@@ -14,7 +14,7 @@ from jax.extend import core
 
 from cfcheck.exact.graph import Graph, Node
 from cfcheck.exact.rational import rational
-from cfcheck.exact.symbolic import Symbolic, symbolic
+from cfcheck.vehicle.symbolic import Symbolic, symbolic
 from cfjax.errors import InputError
 from cfjax.problem import FeedbackLaw, ReferencePoint, Vehicle, deviation_rate
 

@@ -12,13 +12,13 @@ from cfcheck.claims.hints import CellHints, CellKey
 from cfcheck.exact.enclosure import UnaryEnclosure
 from cfcheck.exact.graph import Graph, Node
 from cfcheck.exact.rational import Range, rational
-from cfcheck.exact.symbolic import symbolic
 from cfcheck.kernel.decrease import SteadyDecrease
 from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.program import Gram
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfcheck.vehicle.model import KNOWN_VEHICLES
+from cfcheck.vehicle.symbolic import symbolic
 from cfjax.certificate.trace import trace_law
 from cfjax.coerce import instance
 from cfjax.exact import exact_bounds, exact_course, exact_surroundings, write_path, write_surroundings

@@ -5,7 +5,7 @@ from typing import Any
 from flint import fmpq
 
 from cfcheck.exact.graph import Graph, Node
-from cfcheck.exact.symbolic import Symbolic, symbolic
+from cfcheck.vehicle.symbolic import Symbolic, symbolic
 
 
 OMEGA, SPEED, SLOPE, ACCELERATION = (

@@ -7,8 +7,8 @@ import pytest
 
 from cfcheck.claims.assumptions import closes
 from cfcheck.exact.graph import Graph, Node
-from cfcheck.exact.symbolic import symbolic
 from cfcheck.vehicle.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone
+from cfcheck.vehicle.symbolic import symbolic
 from cfjax.certificate.trace import trace_deviation
 from cfjax.exact import exact_course
 from cfjax.problem import KinematicBicycle, Vehicle, circle

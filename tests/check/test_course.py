@@ -16,8 +16,8 @@ from cfcheck.claims.assumptions import require_supported
 from cfcheck.claims.document import document_hash
 from cfcheck.claims.problem import read_problem
 from cfcheck.exact.rational import rational
-from cfcheck.exact.symbolic import symbolic
 from cfcheck.reader import Broken
+from cfcheck.vehicle.symbolic import symbolic
 from cfjax.certificate import dump
 from cfjax.certificate.certifier import legs_of
 from cfjax.certificate.rounding import round_funnel

@@ -14,13 +14,14 @@ from flint import fmpq
 
 from cfcheck import Outcome, Report, check_document
 from cfcheck.claims.document import document_hash
+from cfcheck.claims.references import jumps_in_turning
 from cfcheck.exact.rational import rational
-from cfcheck.exact.symbolic import symbolic
 from cfcheck.path.bounds import Bounds
-from cfcheck.path.piece import Piece, jumps_in_turning
+from cfcheck.path.piece import Piece
 from cfcheck.reader import Broken
 from cfcheck.replay import check_robustness
 from cfcheck.vehicle.structure import has_tube_structure, require_affine_reference
+from cfcheck.vehicle.symbolic import symbolic
 from cfjax.certificate import certify
 from cfjax.certificate.robustness import robustness_document
 from cfjax.certificate.trace import trace_deviation

@@ -6,8 +6,8 @@ import pytest
 from flint import fmpq, fmpq_mpoly
 
 from cfcheck.exact.graph import UNARY_FUNCTIONS, Graph, Node
-from cfcheck.exact.symbolic import Symbolic, symbolic
 from cfcheck.robustness.term_bounds import TermBounds, slopes_of
+from cfcheck.vehicle.symbolic import Symbolic, symbolic
 
 
 def nested() -> Symbolic:

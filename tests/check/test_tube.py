@@ -14,14 +14,14 @@ from flint import fmpq
 from cfcheck import Outcome, check_document
 from cfcheck.claims.document import document_hash
 from cfcheck.claims.proof import Question
+from cfcheck.claims.similarity import Model
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import Matrix
-from cfcheck.exact.symbolic import Symbolic
-from cfcheck.kernel.funnel import Model
 from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken
 from cfcheck.vehicle.model import VehicleClaim
 from cfcheck.vehicle.structure import is_mirror, require_tube_structure
+from cfcheck.vehicle.symbolic import Symbolic
 from cfjax.certificate import certify, dump, refute
 from cfjax.certificate.mirror import mirrored as sought
 from cfjax.funnel import TEMPLATES, Funnel

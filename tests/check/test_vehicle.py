@@ -5,9 +5,9 @@ from flint import fmpq
 
 from cfcheck.claims.refutation import require_affine
 from cfcheck.exact.graph import Graph, Node
-from cfcheck.exact.symbolic import symbolic
 from cfcheck.reader import Broken
 from cfcheck.vehicle.model import VehicleClaim, check_known_vehicle
+from cfcheck.vehicle.symbolic import symbolic
 from cfjax.certificate.trace import trace_deviation
 from cfjax.problem import KinematicBicycle
 
