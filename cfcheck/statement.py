@@ -12,6 +12,7 @@ from typing import NamedTuple
 from flint import fmpq
 
 from cfcheck.claims.containment import half_widths
+from cfcheck.claims.corridor import SIDES, are_closed
 from cfcheck.claims.document import Claims
 from cfcheck.claims.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.claims.meaning import Assumptions
@@ -110,12 +111,25 @@ def _along(proven: Proven) -> tuple[str, ...]:
     said = (
         f"from {started} at theta = 0, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in the funnel V <= 1"
         f"{_kept(problem)}, until it {arrives} after {_time(arrival)}{again}",
+        _between(problem.surroundings),
         law,
         turn,
         form,
         f"V decreases there with margin lambda = {_down(min(proven.margins))} 1/s{falls} or more",
     )
     return tuple(clause for clause in said if clause)
+
+
+def _between(surroundings: Surroundings) -> str:
+    """Where a corridor is, and that the car is in it."""
+    if not surroundings.corridor:
+        return ""
+    left, right = (next(index for index, wall in enumerate(surroundings.walls) if wall.side == side) for side in SIDES)
+    stays = "; inside one of these laps and outside the other, as the body stays"
+    return (
+        f"the path begins between wall {left}, to its left, and wall {right}, to its right, which the body does not "
+        f"cross{stays if are_closed(surroundings.corridor) else ''}"
+    )
 
 
 def _lateral(claims: Claims) -> str:

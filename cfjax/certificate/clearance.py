@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from cfcheck.claims.corridor import prove_between
 from cfcheck.claims.legs import Leg
 from cfcheck.claims.surroundings import (
     CLEARANCE_EFFORT,
@@ -64,6 +65,7 @@ def find_clearance(
 
     Raises:
         NotClear: where the body may touch an obstacle or a wall.
+        Broken: the path does not begin between the walls of a corridor.
         ValueError: all proofs together are more than the checker takes, or a funnel ends before its leg does.
     """
     if surroundings.is_empty:
@@ -80,6 +82,7 @@ def find_clearance(
         except NotClear as failure:
             error = search.deepest() or failure
             raise NotClear(f"{surroundings.name(error.hull)}: {error}", error.theta, leg.index, error.hull) from None
+    prove_between(surroundings.corridor, surroundings.footprint, legs[0].start, budget)
     return tuple(found)
 
 
