@@ -137,8 +137,8 @@ class Body(NamedTuple):
         self.budget.spend(len(self.nearby.candidates(box)) // 64)
         for hull in self.nearby.meeting(box):
             room: dict[Normal, int] = {}
+            self.budget.spend(len(hull.corners))
             for normal, length in lengths.items():
-                self.budget.spend(len(hull.corners))
                 if normal not in reaches:
                     self.budget.spend(REACH_EFFORT)
                     reaches[normal] = sweep.reach(normal)

@@ -32,22 +32,27 @@ def choose_clear(
 ) -> tuple[Chain, Clearance]:
     """A chain in whose tubes the body is clear of its surroundings, with half-planes that prove it.
 
-    `choose` finds the best chain among the places that are left to each tube. Where half-planes are not found the place
-    is taken away, and it chooses again.
+    `choose` finds the best chain among the places that are left to each tube. Tubes are looked at when a chain has them:
+    where the body may touch something the place is taken away, and it chooses again.
 
     Raises:
         InTheWay: which obstacle is in the way, and where.
     """
     hulls, along = Hulls(surroundings.hulls), Along.path(reference)
     places = _Places(reference, surroundings, hulls, along, holds.copy())
-    for index in np.flatnonzero(holds.any(axis=1)).tolist():
-        places.leave_out(index, tubes[index])
-    places.require_way()
+    looked_at = set[int]()
     while True:
+        places.require_way()
         try:
             chain = choose(places.holds)
         except ValueError as error:
             raise InTheWay(f"{error}{places.beside()}") from None
+        if fresh := {index for _, _, index in chain} - looked_at:
+            looked_at |= fresh
+            for index in sorted(fresh):
+                places.leave_out(index, tubes[index])
+            if not all(places.holds[index, begin:end].all() for begin, end, index in chain):
+                continue
         legs = [
             Run(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
         ]
@@ -55,9 +60,9 @@ def choose_clear(
             return chain, find_clearance(surroundings, legs, hulls, along)
         except NotClear as error:
             begin, _, tube = chain[error.leg]
+            places.leave_out(tube, tubes[tube], by_samples=True)
             begins = [float(piece.theta) for piece in legs[error.leg].pieces]
             places.take(tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1, error.hull, 0.0)
-            places.require_way()
 
 
 @dataclass(eq=False)
@@ -77,8 +82,11 @@ class _Places:
         self.holds[tube, piece] = False
         self.taken[piece] = min(self.taken.get(piece, (np.inf, hull)), (excess, hull))
 
-    def leave_out(self, index: int, tube: CertifiedTube) -> None:
-        """Places at which the body may touch something, as far as bounds of first order and samples tell."""
+    def leave_out(self, index: int, tube: CertifiedTube, by_samples: bool = False) -> None:
+        """Places at which the body touches something where a piece begins, and by samples wherever bounds do not tell.
+
+        Samples take as long as a proof, so they are for tubes whose proof has failed.
+        """
         reference = self.reference
         leg = Run(0, len(reference.pieces), tube).leg(reference)
         shadows = shadows_of(leg, self.surroundings.footprint)
@@ -94,7 +102,7 @@ class _Places:
             room = (self.hulls.support[hulls] - disc.reach(starts, level[at], FAN.units)[which]).max(axis=1)
             for row in np.flatnonzero(room < -SURELY).tolist():
                 self.take(index, int(pieces[row]), int(hulls[row]), float(-room[row]))
-            for piece in dict.fromkeys(pieces[self.holds[index, pieces]].tolist()):
+            for piece in dict.fromkeys(pieces[self.holds[index, pieces]].tolist() if by_samples else ()):
                 for look in search.looks(reference.pieces[piece], reference.piece_poses[piece]):
                     least = look.own().min(axis=1)
                     if not least.min() > 0:

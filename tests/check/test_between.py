@@ -61,7 +61,7 @@ def test_what_is_accepted_is_seen_by_a_geometry_library() -> None:
             points = [line.interpolate(share, normalized=True) for share in np.linspace(0, 1, 200)]
             aside = [p for p in points if sign * (np.array([p.x - x, p.y - y]) @ right) > 0]
             views = [shapely.LineString([place, p]) for p in aside]
-            seen.append(any(both.intersection(view).length < 1e-6 and _first(both, view) for view in views))
+            seen.append(any(shapely.intersection(both, view).length < 1e-6 and _first(both, view) for view in views))
         if told:
             accepted += 1
             assert all(seen)
@@ -73,8 +73,8 @@ def test_what_is_accepted_is_seen_by_a_geometry_library() -> None:
 def _first(walls: shapely.Geometry, view: shapely.LineString) -> bool:
     """Whether a line of sight meets walls at its end alone."""
     end = shapely.Point(view.coords[-1])
-    return shapely.distance(shapely.intersection(walls, view), end) < 1e-6 and not walls.intersects(
-        shapely.LineString([view.coords[0], view.interpolate(view.length - 1e-6)])
+    return bool(shapely.distance(shapely.intersection(walls, view), end) < 1e-6) and not shapely.intersects(
+        walls, shapely.LineString([view.coords[0], view.interpolate(view.length - 1e-6)])
     )
 
 
