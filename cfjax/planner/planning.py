@@ -3,10 +3,10 @@
 import html
 import math
 import re
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as File
+from time import perf_counter as clock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -159,7 +159,7 @@ def plan(
     grown, refused = np.zeros(len(map.obstacles)), ""
     for attempt in range(1, attempts + 1):
         bends = question.way(grown, refused, seconds)
-        began = time.perf_counter()
+        began = clock()
         try:
             following = follow(
                 bends.path(name, speed, lateral, limits.acceleration),
@@ -177,7 +177,7 @@ def plan(
             grown[nearest] += GROWTH / limits.curvature
             continue
         finally:
-            seconds["proof"] += time.perf_counter() - began
+            seconds["proof"] += clock() - began
         spare, place, nearest = question.least(bends)
         beside = map.labels[nearest] if nearest >= 0 else ""
         return Plan(following, map, *poses, discs, spare, (place.real, place.imag), beside, attempt, seconds)
@@ -228,7 +228,7 @@ class _Question:
         Raises:
             InputError: where there is none; `refused` says why an earlier one would not do.
         """
-        began = time.perf_counter()
+        began = clock()
         limits, radius = self.limits, 1 / (SEARCHED * self.limits.curvature)
         field = self._field(grown, radius)
         try:
@@ -237,12 +237,12 @@ class _Question:
             if refused:
                 raise Unproven(f"{self.map.source}: no path was proven, and there is no other; {refused}") from None
             raise InputError(f"{self.map.source}: {self._why(field, error)}") from None
-        seconds["search"] += time.perf_counter() - began
-        began = time.perf_counter()
+        seconds["search"] += clock() - began
+        began = clock()
         found = smoothed(arcs, self.start, self.goal, field, limits.body, radius, SPARE * radius)
         if found is None or found.sharpest > limits.curvature or self.least(found)[0] < 0:
             found = Bends.along(arcs, self.start, LONGEST_PIECE * radius)
-        seconds["smooth"] += time.perf_counter() - began
+        seconds["smooth"] += clock() - began
         return found
 
     def least(self, bends: Bends) -> tuple[float, complex, int]:

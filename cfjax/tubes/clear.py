@@ -32,8 +32,8 @@ def choose_clear(
 ) -> tuple[Chain, Clearance]:
     """A chain in whose tubes the body is clear of its surroundings, with half-planes that prove it.
 
-    `choose` finds the best chain among the places that are left to each tube. Tubes are looked at when a chain has them:
-    where the body may touch something the place is taken away, and it chooses again.
+    `choose` finds the best chain among the places that are left to each tube. Tubes are looked at when a chain has
+    them: where the body may touch something the place is taken away, and it chooses again.
 
     Raises:
         InTheWay: which obstacle is in the way, and where.
