@@ -108,7 +108,7 @@ def scenes() -> Iterator[tuple[str, Scene]]:
 
 
 def least_distance(plan: Plan, shapes: list[shapely.Geometry], cars: int, seed: int) -> float:
-    """From random cars on the edge of the tubes to the shapes (m), less the radius of the body."""
+    """From random cars on the edge of the tubes to the shapes (m), less the radius of each disc of the body."""
     rng, least = np.random.default_rng(seed), math.inf
     tree, table = shapely.STRtree(shapes), np.array(shapes)
     for stretch in plan.following.tubes:
@@ -118,9 +118,12 @@ def least_distance(plan: Plan, shapes: list[shapely.Geometry], cars: int, seed: 
         w = rng.normal(size=(len(theta), len(shape)))
         off = w / np.sqrt(np.einsum("ki,ij,kj->k", w, shape, w))[:, None]
         cos, sin = np.cos(heading), np.sin(heading)
-        places = shapely.points(x + cos * off[:, 1] - sin * off[:, 2], y + sin * off[:, 1] + cos * off[:, 2])
-        least = min(least, float(shapely.distance(places, table[tree.nearest(places)]).min()))
-    return least - RADIUS
+        x, y = x + cos * off[:, 1] - sin * off[:, 2], y + sin * off[:, 1] + cos * off[:, 2]
+        ahead = heading + off[:, 0]
+        for disc in plan.footprint:
+            places = shapely.points(x - disc.offset * np.sin(ahead), y + disc.offset * np.cos(ahead))
+            least = min(least, float(shapely.distance(places, table[tree.nearest(places)]).min()) - disc.radius)
+    return least
 
 
 class Outcome(NamedTuple):

@@ -15,11 +15,12 @@ from cfjax.coerce import Number, Numbers, instances, number, numbers, optional, 
 from cfjax.errors import InputError
 from cfjax.lazy import public
 from cfjax.planner.bends import Bends
+from cfjax.planner.dubins import Arcs
 from cfjax.planner.field import Field, field_of
 from cfjax.planner.map import Map
 from cfjax.planner.map_file import read_map
 from cfjax.planner.room import Limits, limits_of
-from cfjax.planner.search import Node, NoWay, Search
+from cfjax.planner.search import COARSE_GRAIN, FINE_GRAIN, Grain, Node, NoWay, Search
 from cfjax.planner.smooth import smoothed
 from cfjax.planner.widest import widest_gap
 from cfjax.problem import FootprintDisc, KinematicBicycle, Path, Pose, Vehicle
@@ -109,8 +110,8 @@ class Plan:
 
 def plan(
     map: Map | Sequence | str | File,
-    start: Numbers,
-    goal: Numbers,
+    start: Numbers | None = None,
+    goal: Numbers | None = None,
     *,
     vehicle: Vehicle | None = None,
     footprint: Sequence[FootprintDisc] | Numbers = (FootprintDisc(),),
@@ -128,8 +129,8 @@ def plan(
 
     Args:
         map: obstacles and bounds, m; or the name of a file (`read_map`), or a list of obstacles.
-        start: a `Pose`, a `RosPose`, or [x, y, heading] (m and rad, 0 along +y), in the frame of the map.
-        goal: the pose at the end.
+        start: a `Pose`, a `RosPose`, or [x, y, heading] (m and rad, 0 along +y) in the frame of the map; None: its own.
+        goal: the pose at the end, likewise.
         vehicle: what drives; None: the Parkour car.
         footprint: discs [radius, offset along the forward axis] that stand for its body, m.
         tubes: those that may be used; None: those of the package for the vehicle.
@@ -151,7 +152,7 @@ def plan(
     offered = library(car) if tubes is None else instances("tubes", tubes, CertifiedTube)
     if not offered:
         raise InputError("tubes: expected at least one for the vehicle, got none")
-    poses = _pose("start", start), _pose("goal", goal)
+    poses = _pose("start", start, map.start), _pose("goal", goal, map.goal)
     limits = limits_of(offered, speed, lateral, discs)
     question = _Question(map, _node(poses[0]), _node(poses[1]), limits)
     question.check_ends()
@@ -184,7 +185,10 @@ def plan(
     raise Unproven(f"{map.source}: no path was proven in {attempts} attempts; {refused}")
 
 
-def _pose(name: str, value: object) -> Pose:
+def _pose(name: str, value: object, known: Pose | None) -> Pose:
+    if value is None and known is None:
+        raise InputError(f"{name}: expected a pose [x, y, heading], which the map does not have, got none")
+    value = known if value is None else value
     if isinstance(value, RosPose):
         value = pose_from_ros(value)
     if isinstance(value, Pose):
@@ -231,8 +235,15 @@ class _Question:
         began = clock()
         limits, radius = self.limits, 1 / (SEARCHED * self.limits.curvature)
         field = self._field(grown, radius)
+
+        def arcs_by(grain: Grain) -> Arcs:
+            return Search(field, limits.body, self.goal, 1 / radius, SOFT * radius, grain).way(self.start)
+
         try:
-            arcs = Search(field, limits.body, self.goal, 1 / radius, SOFT * radius).way(self.start)
+            try:
+                arcs = arcs_by(COARSE_GRAIN)
+            except NoWay:
+                arcs = arcs_by(FINE_GRAIN)
         except NoWay as error:
             if refused:
                 raise Unproven(f"{self.map.source}: no path was proven, and there is no other; {refused}") from None
