@@ -11,9 +11,11 @@ is nearer than that, the piece is looked at by samples, cut where directions hav
 closely.
 """
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -56,12 +58,20 @@ class NotClear(ValueError):
         self.theta, self.leg, self.hull = theta, leg, hull
 
 
-def find_clearance(
-    surroundings: Surroundings, legs: Sequence[Leg], hulls: Hulls | None = None, along: Along | None = None
-) -> Clearance:
-    """Stretches with normals along every leg that `prove_surroundings` accepts; none where there is nothing to clear.
+Known = Mapping[int, Sequence[ClearStretch]]
+"""What is proven of pieces of a path, by their numbers, whatever is beside them: `end` counts from where each begins."""
 
-    `hulls` and `along`, of the legs' whole path, are given by whoever has them.
+
+def find_clearance(
+    surroundings: Surroundings,
+    legs: Sequence[Leg],
+    hulls: Hulls | None = None,
+    along: Along | None = None,
+    known: Known = MappingProxyType({}),
+) -> Clearance:
+    """Stretches with normals along every leg that `prove_surroundings` accepts; none where nothing is to be cleared.
+
+    `hulls` and `along`, of the legs' whole path, are given by whoever has them; what is known is not proven again.
 
     Raises:
         NotClear: where the body may touch an obstacle or a wall.
@@ -78,7 +88,8 @@ def find_clearance(
         body = Body(shadows_of(leg, surroundings.footprint), nearby, budget)
         search = Search(leg, body, hulls)
         try:
-            found.append(search.stretches(along.some(slice(leg.begin, leg.end))))
+            own = {index - leg.begin: known[index] for index in range(leg.begin, leg.end) if index in known}
+            found.append(search.stretches(along.some(slice(leg.begin, leg.end)), own))
         except NotClear as failure:
             error = search.deepest() or failure
             raise NotClear(f"{surroundings.name(error.hull)}: {error}", error.theta, leg.index, error.hull) from None
@@ -98,20 +109,26 @@ class Search:
     def _discs(self) -> list[Disc]:
         return [Disc.of(shadow) for shadow in self.body.shadows]
 
-    def stretches(self, along: Along) -> tuple[ClearStretch, ...]:
-        """From θ = 0 to the leg's end; `along` are its pieces.
+    def stretches(self, along: Along, known: Known) -> tuple[ClearStretch, ...]:
+        """From θ = 0 to the leg's end; `along` are its pieces, and `known` what is proven of some of them.
 
         Raises:
             NotClear: where none is found.
         """
-        level = levels_of(self.leg)
-        tables = [rows_of(self.hulls, along, level, disc) for disc in self._discs]
+        fresh = np.array([index for index in range(len(along.way)) if index not in known], int)
+        level = levels_of(self.leg)[fresh]
+        tables = [rows_of(self.hulls, along.some(fresh), level, disc) for disc in self._discs]
         poses = self.leg.reference.piece_poses[self.leg.begin : self.leg.end + 1]
         cuts = [np.searchsorted(rows.piece, np.arange(len(level) + 1)) for rows in tables]
         shared: list[int] | None = None  # of the stretch that may go on
         found: list[ClearStretch] = []
         for index, piece in enumerate(self.leg.pieces):
-            room = [rows.room[cut[index] : cut[index + 1]] for rows, cut in zip(tables, cuts, strict=True)]
+            if index in known:
+                found += [ClearStretch(piece.theta + each.end, each.normals) for each in known[index]]
+                shared = None
+                continue
+            row = int(np.searchsorted(fresh, index))
+            room = [rows.room[cut[row] : cut[row + 1]] for rows, cut in zip(tables, cuts, strict=True)]
             chosen = _cover(np.concatenate(room) > SAFE, shared or [])
             start, end = poses[index : index + 2]
             normals = tuple(FAN.normals[k] for k in chosen or ())
@@ -123,7 +140,7 @@ class Search:
                 found.pop()
             found.append(ClearStretch(piece.theta + piece.duration, normals))
             shared = chosen
-        return tuple(found)
+        return _joined(found)
 
     def _closely(self, part: Piece, start: ExactPose, end: ExactPose, halvings: int) -> list[ClearStretch]:
         """Along a part of a piece, by samples; halved where no directions serve all along it."""
@@ -243,6 +260,12 @@ def _cover(serves: Bool[np.ndarray, "n k"], shared: Sequence[int]) -> list[int] 
         chosen.append(int(best[len(best) // 2]))
         left &= ~serves[:, chosen[-1]]
     return _cover(serves, []) if shared and len(chosen) > SHARED else chosen
+
+
+def _joined(stretches: Sequence[ClearStretch]) -> tuple[ClearStretch, ...]:
+    """The same, those that follow each other with the same normals as one."""
+    groups = itertools.groupby(stretches, key=lambda stretch: stretch.normals)
+    return tuple(list(group)[-1] for _, group in groups)
 
 
 def _segment(part: Piece, pose: ExactPose) -> Segment:

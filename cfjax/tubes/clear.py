@@ -1,18 +1,21 @@
 """Tubes beside obstacles: which of them, and where along the path, leave the body room."""
 
-from collections.abc import Callable, Sequence
+import bisect
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cfcheck.claims.surroundings import Body, Clearance, Surroundings, shadows_of
+from cfcheck.claims.legs import Leg
+from cfcheck.claims.surroundings import Body, Clearance, ClearStretch, Surroundings, shadows_of
 from cfcheck.exact.enclosure import Budget
 from cfcheck.kernel.sweep import Nearby
+from cfcheck.path.piece import Piece
 from cfcheck.path.reference import Reference
 from cfjax.certificate.clearance import SAFE, NotClear, Search, find_clearance
-from cfjax.certificate.hulls import FAN, ROUGH, Along, Disc, Hulls, levels_of, rows_of
+from cfjax.certificate.hulls import FAN, ROUGH, Along, Disc, Hulls, levels_of, near_rows, rows_of
 from cfjax.tubes.certified import CertifiedTube, Run
 from cfjax.tubes.violation import InTheWay
 
@@ -29,11 +32,13 @@ def choose_clear(
     holds: Holds,
     surroundings: Surroundings,
     choose: Callable[[Holds], Chain],
+    earlier: "Earlier | None" = None,
 ) -> tuple[Chain, Clearance]:
     """A chain in whose tubes the body is clear of its surroundings, with half-planes that prove it.
 
     `choose` finds the best chain among the places that are left to each tube. Tubes are looked at when a chain has
-    them: where the body may touch something the place is taken away, and it chooses again.
+    them: where the body may touch something the place is taken away, and it chooses again. What was proven `earlier`,
+    of pieces that the path has still, is not proven again.
 
     Raises:
         InTheWay: which obstacle is in the way, and where.
@@ -57,12 +62,63 @@ def choose_clear(
             Run(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
         ]
         try:
-            return chain, find_clearance(surroundings, legs, hulls, along)
+            known = {} if earlier is None else earlier.known(chain, tubes, surroundings, along)
+            return chain, find_clearance(surroundings, legs, hulls, along, known)
         except NotClear as error:
             begin, _, tube = chain[error.leg]
             places.leave_out(tube, tubes[tube], by_samples=True)
             begins = [float(piece.theta) for piece in legs[error.leg].pieces]
             places.take(tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1, error.hull, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """A proof whose first pieces, `same` of them, a path has still: what was beside it, and the stretches by run."""
+
+    same: int
+    reference: Reference
+    runs: Sequence[Run]
+    surroundings: Surroundings
+    clearance: Clearance
+
+    def known(
+        self, chain: Chain, tubes: Sequence[CertifiedTube], surroundings: Surroundings, along: Along
+    ) -> dict[int, list[ClearStretch]]:
+        """Of pieces in the same tube as then what was proven, where nothing is near that was not there."""
+        if surroundings.footprint != self.surroundings.footprint or not self.clearance:
+            return {}
+        before = set(self.surroundings.hulls)
+        added = Hulls(tuple(hull for hull in surroundings.hulls if hull not in before))
+        own = {index: tubes[tube] for begin, end, tube in chain for index in range(begin, min(end, self.same))}
+        found: dict[int, list[ClearStretch]] = {}
+        for number, (run, stretches) in enumerate(zip(self.runs, self.clearance, strict=True)):
+            leg = run.leg(self.reference, number)
+            touched = _touched(leg, along, added, surroundings) if added.claims else set()
+            ends = [stretch.end for stretch in stretches]
+            for index, piece in enumerate(leg.pieces, start=leg.begin):
+                if own.get(index) is run.tube and index not in touched:
+                    inside = stretches[bisect.bisect_right(ends, piece.theta) :]
+                    found[index] = _within(piece, inside)
+        return found
+
+
+def _touched(leg: Leg, along: Along, added: Hulls, surroundings: Surroundings) -> set[int]:
+    """Pieces of a leg near which something is that was not there."""
+    pieces = slice(leg.begin, min(leg.end, len(along.way)))
+    level = levels_of(leg)[: pieces.stop - pieces.start]
+    discs = map(Disc.of, shadows_of(leg, surroundings.footprint))
+    return {leg.begin + int(row) for disc in discs for row in near_rows(added, along.some(pieces), level, disc)[0]}
+
+
+def _within(piece: Piece, stretches: Iterable[ClearStretch]) -> list[ClearStretch]:
+    """The part of a leg's stretches that a piece has, from where it begins."""
+    found = []
+    for stretch in stretches:
+        end = min(stretch.end - piece.theta, piece.duration)
+        found.append(ClearStretch(end, stretch.normals))
+        if end == piece.duration:
+            break
+    return found
 
 
 @dataclass(eq=False)
