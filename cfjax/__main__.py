@@ -14,7 +14,7 @@ COMMANDS = {
     "follow": ("cfjax.tubes.__main__", "prove a path of points by the tubes of the package"),
     "plan": ("cfjax.planner.__main__", "find a path through a map, and prove that a car on it is clear"),
     "simulate": (
-        "cfjax.simulate.__main__",
+        "cfjax.simulate",
         "drive the law of a run at a control period, on a plant, with noise and delay",
     ),
     "export": ("cfjax.export.__main__", "write the controller of a run in C, or for ROS 2"),

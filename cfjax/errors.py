@@ -1,6 +1,7 @@
-"""What ends a search: a question that cannot be asked, an answer that cannot be written, Ctrl-C after a proof."""
+"""Errors that end a search: bad input, a result that cannot be written, Ctrl-C after a proof."""
 
 import difflib
+import sys
 from collections.abc import Iterable
 from typing import Any
 
@@ -9,6 +10,11 @@ def meant(given: str, names: Iterable[str]) -> str:
     """The end of a line: which of the names somebody may have meant who mistyped one; nothing where none is near."""
     near = difflib.get_close_matches(given, list(names), n=1)
     return f"; did you mean {near[0]}?" if near else ""
+
+
+def renamed(old: str, new: str) -> None:
+    """Warn, in one line on stderr, that a key or an argument has another name now; the old one works until 0.2."""
+    print(f"warning: {old} is called {new} now; the old name works until version 0.2", file=sys.stderr)
 
 
 class InputError(ValueError):

@@ -96,23 +96,23 @@ def run(
     from cfjax.problem import Frame
     from cfjax.progress import progress_on
     from cfjax.report.files import refuse_finished
-    from cfjax.report.run_folder import Asked, keep_elsewhere, write_run
+    from cfjax.report.run_folder import RequiredPeriod, keep_elsewhere, write_run
     from cfjax.report.tracking import track
     from cfjax.synthesis import drive, harden, search
 
     refuse_finished(folder)
     points = file.read_bytes() if (file := waypoint_file(config)) else None  # now: a search takes its time
-    asked = None
+    required = None
     if config.period is not None:
-        asked = Asked(config.period, config.delay, yaml_of(replace(config, period=None, delay=None)))
-    told: list[str] = []
+        required = RequiredPeriod(config.period, config.delay, yaml_of(replace(config, period=None, delay=None)))
+    printed: list[str] = []
     frame = Frame(config.frame)
     stopped: Interrupted | None = None
 
     def tell(result: "Result") -> None:
-        if (text := result.describe(options.objective)) not in told:
+        if (text := result.describe(options.objective)) not in printed:
             print(text, flush=True)
-            told.append(text)
+            printed.append(text)
 
     def driven(proven: "Result") -> "Result":
         Thread(target=_import_pictures).start()  # while cars are driven Python is idle
@@ -149,11 +149,11 @@ def run(
                 frame=frame,
                 page=page,
                 progress=clock,
-                asked=asked,
+                required=required,
             )
     except NotWritten as lost:
         try:
-            result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points, frame, asked)
+            result, elsewhere = keep_elsewhere(lost, folder, yaml_of(config), points, frame, required)
         except NotWritten as nowhere:
             tell(nowhere.result)
             raise

@@ -48,8 +48,8 @@ def check_question(problem: Problem, options: Options) -> None:
     """
     objects(problem=(problem, Problem), options=(options, Options))
     path = problem.path
-    if options.certificate == "tube" and not path.tube and problem.authority != 1:
-        raise InputError(f"authority: expected 1 for a path that tubes hold, got {problem.authority:g}")
+    if options.certificate == "tube" and not path.tube and problem.input_share != 1:
+        raise InputError(f"input_share: expected 1 for a path that tubes hold, got {problem.input_share:g}")
     if options.certificate == "tube" and options.template != "contracting":
         raise InputError(f"template: expected contracting with certificate=tube, got {options.template}")
     learner = options.chosen_learner

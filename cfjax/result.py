@@ -300,8 +300,8 @@ class Result:
             return f"objective.margin: {wanted:g} 1/s was not reached; this is the largest margin that was found"
         vehicle, widths = self.problem.vehicle, self.segments[0].funnel.half_widths()
         inlet = _by_state(vehicle, [rounded_down(written(axis)) for axis in self.problem.inlet.half_axes[:1]])
-        told = _by_state(vehicle, [rounded_up(float(width), 3) for width in widths])
-        return f"inlet {inlet}; funnel's half-widths {told}"
+        widths_text = _by_state(vehicle, [rounded_up(float(width), 3) for width in widths])
+        return f"inlet {inlet}; funnel's half-widths {widths_text}"
 
     def _absorbed(self, robustness: Robustness) -> list[tuple[str, str]]:
         alone, vehicle = robustness.alone, self.problem.vehicle

@@ -35,11 +35,11 @@ class _Aim:
     counterexamples: tuple[Counterexample, ...] = ()
 
 
-class Search:
+class LearnCertifyLoop:
     """The learn–certify loop of one problem, with its clock and its history."""
 
     def __init__(self, problem: Problem, options: Options, clock: Clock, workers: int) -> None:
-        self.asked, self.options, self.clock, self.workers = problem, options, clock, workers
+        self.given, self.options, self.clock, self.workers = problem, options, clock, workers
         self.problem = problem  # objective=inlet enlarges I: what is proven may ask for more than was asked
         self.template = template_named(options.template)
         self.learner = options.chosen_learner
@@ -66,7 +66,7 @@ class Search:
                 if best is None or best.verdict is not Verdict.CERTIFIED:
                     raise
                 seconds = {**self.clock.seconds, "total": sum(self.clock.seconds.values(), 0.0)}
-                raise Interrupted(self._told(best).replace(seconds=seconds)) from None
+                raise Interrupted(self._with_history(best).replace(seconds=seconds)) from None
             before = 0.0 if best is None else best.margin_certified or 0.0
             best = result if best is None else max(best, result, key=self._rank)
             certified, falsified = result.margin_certified or 0.0, result.margin_falsified or 0.0
@@ -89,9 +89,9 @@ class Search:
                 # the proof fell short of what the learner aimed at: aim as much higher
                 aim.target *= 1.001 * wanted / certified if certified else 1 / GOOD_SHARE
         assert best is not None
-        return self._told(best)
+        return self._with_history(best)
 
-    def _told(self, best: Result) -> Result:
+    def _with_history(self, best: Result) -> Result:
         """The result with how it was found."""
         return best.replace(iterations=len(self.history), history=tuple(self.history), search=self.search)
 
@@ -114,7 +114,7 @@ class Search:
     def _learn(self, round_: int, aim: "_Aim") -> Found:
         """The best candidates for the objective, and the problem that they solve."""
         task = LearningTask(
-            self.asked,
+            self.given,
             self.template,
             self.options.beta_lower,
             self.options.beta_inner,

@@ -24,7 +24,7 @@ from cfjax.problem import Path, Problem, Vehicle
 from cfjax.progress import watched
 from cfjax.question import check_question, doubts
 from cfjax.result import Result
-from cfjax.rounds import Search, reason_of
+from cfjax.rounds import LearnCertifyLoop, reason_of
 from cfjax.simulation import drive_cars
 from cfjax.solver.program import Shape
 from cfjax.tubes.hold import hold_by_learning, hold_by_library
@@ -93,7 +93,7 @@ def _searched(problem: Problem, options: Options, clock: Clock) -> Result:
         _require_tubes(problem.vehicle)
         return _by_tubes(problem, options, clock)
     if (
-        problem.authority != 1
+        problem.input_share != 1
         or _is_short(problem.path)
         or not _fits_tubes(options)
         or not has_tube_structure(dynamics_of(problem.vehicle))
@@ -139,7 +139,7 @@ def _by_segments(problem: Problem, options: Options, clock: Clock) -> Result:
     workers, shapes = _room_for(problem, statement, options)
     if _cores() > 1:
         compile_ahead(problem, shapes, options)
-    return Search(problem, options, clock, workers).run()
+    return LearnCertifyLoop(problem, options, clock, workers).run()
 
 
 def _room_for(problem: Problem, statement: Statement, options: Options) -> tuple[int, tuple[Shape, ...]]:

@@ -1,10 +1,10 @@
-"""How long inputs may be held: the proven control period against authority and the shell's inner level.
+"""How long inputs may be held: the proven control period, by share of the input range and by inner level of the shell.
 
-    python experiments/control_period.py [--path circle] [--authority 1 0.7 0.5 0.35 0.25] [--beta 0.9 0.8 0.7]
+    python experiments/control_period.py [--path circle] [--input-share 1 0.7 0.5 0.35 0.25] [--beta 0.9 0.8 0.7]
     python experiments/control_period.py --tubes
     python experiments/control_period.py --paths
 
-Inputs that stay closer to what the reference needs change the rate of V less: a smaller authority costs margin and buys
+Inputs that stay closer to what the reference needs change the rate of V less: a smaller share costs margin and buys
 time. A shell that begins further inside leaves room for what V rises before the law looks again. Each line is a funnel,
 learned and certified; beside the proven period stands the shortest one in which an adversary, who picks the state and
 any input that a law may take, left the funnel (found, not proven). The folder gets `table.csv` and `period.png`.
@@ -41,9 +41,10 @@ from cfjax.synthesis import search
 from cfjax.verdict import Verdict
 
 
-COLUMNS = ("authority", "beta_lower", "margin", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
+AMOUNTS = ("period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
+COLUMNS = ("input_share", "beta_lower", "margin", *AMOUNTS)
 TUBE_COLUMNS = ("speeds", "curvature", "acceleration", "inlet", "goal", *COLUMNS[1:])
-PATH_COLUMNS = ("path", "tubes", "per_metre", "period_ms", "escape_ms", "delay_ms", "disturbance_x", "disturbance_v")
+PATH_COLUMNS = ("path", "tubes", "per_metre", *AMOUNTS)
 PROVEN = ("per_metre", "margin", "period_ms", "delay_ms", "disturbance_x", "disturbance_v")
 HORIZON = 8.0  # periods that the adversary looks ahead
 
@@ -77,7 +78,7 @@ TRACK = Path(__file__).parent / "track.csv"  # bends to both sides, closed
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--path", default="circle", choices=("circle", "straight"))
-    parser.add_argument("--authority", type=float, nargs="+", default=[1.0, 0.7, 0.5, 0.35, 0.25])
+    parser.add_argument("--input-share", type=float, nargs="+", default=[1.0, 0.7, 0.5, 0.35, 0.25])
     parser.add_argument("--beta", type=float, nargs="+", default=[0.9, 0.8, 0.7])
     parser.add_argument("--tubes", action="store_true", help="of tubes instead of a path")
     parser.add_argument("--paths", action="store_true", help="of paths that tubes hold")
@@ -88,7 +89,7 @@ def main() -> int:
     elif arguments.paths:
         jobs, columns, title = map(in_tubes, PATHS), PATH_COLUMNS, "paths in tubes"
     else:
-        jobs = product_of(arguments.path, arguments.authority, arguments.beta)
+        jobs = product_of(arguments.path, arguments.input_share, arguments.beta)
         columns, title = COLUMNS, arguments.path
     rows = []
     for row in jobs:
@@ -118,10 +119,10 @@ def shown(name: str, value: float | str) -> str:
     return rounded_down(value, 3) if name in PROVEN else f"{value:.3g}"
 
 
-def product_of(path: str, authorities: list[float], betas: list[float]) -> Iterator[dict[str, Any]]:
-    for authority, beta in itertools.product(authorities, betas):
-        problem = Problem(getattr(cfjax, path)(), safe=Box((1.0, 1.0, 1.0, 3.0)), authority=authority)
-        yield {"authority": authority} | line(problem, beta)
+def product_of(path: str, shares: list[float], betas: list[float]) -> Iterator[dict[str, Any]]:
+    for share, beta in itertools.product(shares, betas):
+        problem = Problem(getattr(cfjax, path)(), safe=Box((1.0, 1.0, 1.0, 3.0)), input_share=share)
+        yield {"input_share": share} | line(problem, beta)
 
 
 def of_tube(bounds: Bounds) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from cfjax import Interval, KinematicBicycle
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.program import coefficients, program_of
 from cfjax.certificate.rounding import dyadic, round_funnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
+from cfjax.certificate.stretches import ThetaInterval, bounded, decreases_on, question_of
 from cfjax.conf import preset, problem_of
 from cfjax.exact import exact_course
 from cfjax.funnel import template_named
@@ -96,7 +96,7 @@ def main() -> None:
 
         def question(turn_rate: int, span: tuple[fmpq, fmpq] = span) -> SteadyDecrease:
             ends = (fmpq(turn_rate),) * 2, (fmpq(1),) * 2, (fmpq(0),) * 2
-            return decreases_on(asked, rounded, Stretch(*span, Bounds(*ends)))[0]
+            return decreases_on(asked, rounded, ThetaInterval(*span, Bounds(*ends)))[0]
 
         still = question(0)
         turning = replace(question(1), enclosures=still.enclosures)

@@ -147,8 +147,8 @@ def see_log(job: Path) -> None:
     if len(logs) != 1:
         raise Lost(f"{job}: expected one log, got {len(logs)}")
     line = [sys.executable, "-m", "wandb", "leet", "inspect", "--json", "--summary", str(logs[0])]
-    told = json.loads(subprocess.run(line, capture_output=True, check=True, stdin=subprocess.DEVNULL).stdout)
-    if (told["state"], told["exit_code"], told["summary"].get("verdict")) != ("finished", 0, "certified"):
+    status = json.loads(subprocess.run(line, capture_output=True, check=True, stdin=subprocess.DEVNULL).stdout)
+    if (status["state"], status["exit_code"], status["summary"].get("verdict")) != ("finished", 0, "certified"):
         raise Lost(f"{logs[0]}: a log that is cut off")
 
 

@@ -51,7 +51,7 @@ State = tuple[np.ndarray, ...]  # θ and the deviation: arrays of all cars
 
 
 @dataclass(frozen=True)
-class Question:
+class Scenario:
     """One steady leg, and what is measured along it."""
 
     problem: Problem
@@ -72,7 +72,7 @@ class Question:
         return int(np.ceil(clock / self.step * (1 - 1e-9)).sum())
 
 
-def question(folder: Path | None) -> Question:
+def scenario_of(folder: Path | None) -> Scenario:
     """Raises InputError for a run that is not certified, or of another kind of path or car."""
     if folder is None:
         result = search(Problem(cfjax.circle()), Options(cars=0))
@@ -85,18 +85,18 @@ def question(folder: Path | None) -> Question:
     steady = len(curve) == 1 and curve[0].speed.is_constant and curve[0].turn_rate.is_constant
     if not (steady and len(result.legs) == 1 and not problem.obstacles and isinstance(vehicle, KinematicBicycle)):
         raise InputError("expected a run of the kinematic_bicycle on one straight line or circle, at constant speed")
-    return Question(problem, result.legs[0], vehicle, table_of(problem, result.legs, profiles_of(problem.path)))
+    return Scenario(problem, result.legs[0], vehicle, table_of(problem, result.legs, profiles_of(problem.path)))
 
 
 # --- the same in NumPy
 
 
-def rate_of(asked: Question) -> Callable[[State], State]:
+def rate_of(scenario: Scenario) -> Callable[[State], State]:
     """d/dt of (θ, deviation) under the min-norm law: `cfjax.control` and the deviation dynamics, for this car."""
-    numbers = jax.tree.map(lambda leaf: np.asarray(leaf)[0], asked.table.loop.numbers)
-    point, shape, lower, upper = asked.problem.path.curve[0].point(0.0), numbers.shape, numbers.lower, numbers.upper
-    omega, speed, length = float(point.turn_rate), float(point.speed), asked.vehicle.wheelbase
-    k, paper = float(numbers.rate), asked.leg.funnel.template.name == "paper"
+    numbers = jax.tree.map(lambda leaf: np.asarray(leaf)[0], scenario.table.loop.numbers)
+    point, shape, lower, upper = scenario.problem.path.curve[0].point(0.0), numbers.shape, numbers.lower, numbers.upper
+    omega, speed, length = float(point.turn_rate), float(point.speed), scenario.vehicle.wheelbase
+    k, paper = float(numbers.rate), scenario.leg.funnel.template.name == "paper"
     decrease = max(float(numbers.decrease), float(numbers.decrease_per_metre) * speed)
     centre = np.clip([1.0, omega * length / speed, 0.0], lower, upper)  # the reference's feed-forward
     half, inputs = 0.5 * (upper - lower), range(3)
@@ -144,9 +144,9 @@ def rate_of(asked: Question) -> Callable[[State], State]:
     return rate
 
 
-def by_numpy(asked: Question, rate: Callable[[State], State], starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def by_numpy(scenario: Scenario, rate: Callable[[State], State], starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times of arrival (s) and final deviations."""
-    h, end, count = asked.step, asked.leg.end, len(starts)
+    h, end, count = scenario.step, scenario.leg.end, len(starts)
     z, clock = (np.zeros(count), *starts.T.copy()), np.zeros(count)
     while (z[0] < end).any():
         stages: list[State] = []
@@ -180,19 +180,21 @@ class Arrival:
         return z[0] - self.end
 
 
-def by_scipy(asked: Question, rate: Callable[[State], State], starts: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+def by_scipy(
+    scenario: Scenario, rate: Callable[[State], State], starts: np.ndarray
+) -> tuple[int, np.ndarray, np.ndarray]:
     """Steps made, times of arrival (s) and final deviations."""
 
     steps, clock, last = 0, [], []
     for start in starts:
         found = solve_ivp(
             lambda _, z: np.concatenate(rate(tuple(z[:, None]))),
-            (0.0, asked.limit() * asked.step),
+            (0.0, scenario.limit() * scenario.step),
             np.array([0.0, *start]),
             method="RK45",
-            events=Arrival(asked.leg.end),
-            first_step=asked.step,
-            max_step=asked.step,
+            events=Arrival(scenario.leg.end),
+            first_step=scenario.step,
+            max_step=scenario.step,
             rtol=1.0,  # no step is refused: all are of the largest length
             atol=1.0,
         )
@@ -205,28 +207,28 @@ def by_scipy(asked: Question, rate: Callable[[State], State], starts: np.ndarray
 # --- all in turn
 
 
-def measure(asked: Question, runs: int, solved: int) -> tuple[Table, list[str]]:
+def measure(scenario: Scenario, runs: int, solved: int) -> tuple[Table, list[str]]:
     """The table, and what the ways differ by."""
-    problem = asked.problem
-    profiles, rate = profiles_of(problem.path), rate_of(asked)
+    problem = scenario.problem
+    profiles, rate = profiles_of(problem.path), rate_of(scenario)
     starts = np.asarray(sample_starts(jax.random.key(0), problem.inlet, max(BATCHES)))
     starts = starts[np.random.default_rng(0).permutation(len(starts))]  # else the first half is of the boundary
     ends: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # times of arrival, final deviations
 
     def by_jax(batch: int) -> int:
         stride = max(1, batch // RECORDED)
-        program = traced(drive, asked.vehicle, asked.leg.funnel.template, MinNorm(), asked.limit() + 1, stride)
-        driven, _ = jax.block_until_ready(program(asked.table, profiles, None, starts[:batch], asked.limit(), 1))
+        program = traced(drive, scenario.vehicle, scenario.leg.funnel.template, MinNorm(), scenario.limit() + 1, stride)
+        driven, _ = jax.block_until_ready(program(scenario.table, profiles, None, starts[:batch], scenario.limit(), 1))
         clock = np.asarray(driven.cars.clock)
         ends[f"cfjax, {batch}"] = clock, np.stack(driven.cars.x, axis=1)
-        return asked.steps(clock)
+        return scenario.steps(clock)
 
     def in_numpy(batch: int) -> int:
-        ends[f"NumPy, {batch}"] = found = by_numpy(asked, rate, starts[:batch])
-        return asked.steps(found[0])
+        ends[f"NumPy, {batch}"] = found = by_numpy(scenario, rate, starts[:batch])
+        return scenario.steps(found[0])
 
     def in_scipy() -> int:
-        steps, clock, last = by_scipy(asked, rate, starts[:solved])
+        steps, clock, last = by_scipy(scenario, rate, starts[:solved])
         ends["SciPy"] = clock, last
         return steps
 
@@ -250,15 +252,15 @@ def measure(asked: Question, runs: int, solved: int) -> tuple[Table, list[str]]:
             counts[name] = way()
             speeds[name].append(counts[name] / (time.perf_counter() - begin))
         print(f"{run + 1} of {runs}", file=sys.stderr)
-    return tabulated(asked, speeds, counts, compiling), compared(ends)
+    return tabulated(scenario, speeds, counts, compiling), compared(ends)
 
 
 def tabulated(
-    asked: Question, speeds: dict[str, list[float]], counts: dict[str, int], compiling: dict[str, float]
+    scenario: Scenario, speeds: dict[str, list[float]], counts: dict[str, int], compiling: dict[str, float]
 ) -> Table:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     runs = len(speeds["SciPy"])
-    title = f"{asked.problem.path.name}, {1e3 * asked.step:.3g} ms a step, {cores} cores, medians of {runs}"
+    title = f"{scenario.problem.path.name}, {1e3 * scenario.step:.3g} ms a step, {cores} cores, medians of {runs}"
     table = Table("", "steps", "steps a second", "slowest", "fastest", "of NumPy", "of SciPy", "compiling", title=title)
     table.box = None
     medians = {name: statistics.median(values) for name, values in speeds.items()}
@@ -295,11 +297,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if min(options.runs, options.solved) < 1:
             raise InputError(f"--runs, --solved: expected at least 1, got {options.runs} and {options.solved}")
-        asked = question(options.folder)
+        scenario = scenario_of(options.folder)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    table, differences = measure(asked, options.runs, options.solved)
+    table, differences = measure(scenario, options.runs, options.solved)
     Console(width=120).print(table)
     print(*differences, sep="\n")
     return 0

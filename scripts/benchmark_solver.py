@@ -101,21 +101,21 @@ def drake() -> Solve:
 
     def one(program: Program) -> float:
         scaled = scaled_program(program)
-        asked = MathematicalProgram()
-        margin = asked.NewContinuousVariables(1)
+        posed = MathematicalProgram()
+        margin = posed.NewContinuousVariables(1)
         columns, variables = [scaled.drop[:, None]], [margin]
         for matrix, size in zip(scaled.products, scaled.sizes, strict=True):
-            gram = asked.NewSymmetricContinuousVariables(size)
-            asked.AddPositiveSemidefiniteConstraint(gram)
+            gram = posed.NewSymmetricContinuousVariables(size)
+            posed.AddPositiveSemidefiniteConstraint(gram)
             lower, upper = np.tril_indices(size)
             whole = matrix.toarray().reshape(-1, size, size)
             both = whole[:, lower, upper] + np.where(lower == upper, 0.0, whole[:, upper, lower])
             columns.append(both)
             variables.append(gram[lower, upper])
-        asked.AddLinearEqualityConstraint(np.hstack(columns), scaled.target, np.concatenate(variables))
-        asked.AddBoundingBoxConstraint(-np.inf, scaled.cap, margin)
-        asked.AddLinearCost(np.array([-1.0]), margin)
-        found = ClarabelSolver().Solve(asked)
+        posed.AddLinearEqualityConstraint(np.hstack(columns), scaled.target, np.concatenate(variables))
+        posed.AddBoundingBoxConstraint(-np.inf, scaled.cap, margin)
+        posed.AddLinearCost(np.array([-1.0]), margin)
+        found = ClarabelSolver().Solve(posed)
         return float(found.GetSolution(margin)[0]) * scaled.unit / scaled.fall if found.is_success() else np.nan
 
     return lambda programs: [one(program) for program in programs]
@@ -166,8 +166,8 @@ def row_of(name: str, size: int, stacks: Sequence[int], limit: float) -> Row:
     theirs.close()
     found = []
     with suppress(EOFError):  # it broke down
-        while ours.poll(max(0.0, deadline - time.time())) and (told := ours.recv()) is not None:
-            found.append(told)
+        while ours.poll(max(0.0, deadline - time.time())) and (answer := ours.recv()) is not None:
+            found.append(answer)
     process.kill()
     process.join()
     return Row(found[0] if found else None, dict(found[1:]))
@@ -219,7 +219,7 @@ def main() -> int:
     if lines and cells(lines[0]) != head:
         parser.error(f"--table: expected a file with the columns {', '.join(head)}, got {', '.join(cells(lines[0]))}")
 
-    def told(*row: str) -> None:
+    def print_row(*row: str) -> None:
         line = f"| {' | '.join(row)} |"
         print(line, flush=True)
         if arguments.table:
@@ -228,8 +228,8 @@ def main() -> int:
         lines.append(line)
 
     if not lines:
-        told(*head)
-        told(*["---"] * len(head))
+        print_row(*head)
+        print_row(*["---"] * len(head))
     for size in arguments.sizes:
         reference = None
         for name in arguments.solvers:
@@ -239,7 +239,7 @@ def main() -> int:
                 continue
             reference = row.margins if name == "clarabel" else reference
             rates = [f"{row.rates[stack]:.3g}" if stack in row.rates else "–" for stack in stacks]
-            told(str(size), name, *rates, wrong(row.margins, reference, size))
+            print_row(str(size), name, *rates, wrong(row.margins, reference, size))
     if arguments.picture:
         draw(lines, arguments.picture)
     return 0

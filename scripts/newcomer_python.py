@@ -106,10 +106,10 @@ def helps() -> list[str]:
     for name in ("", *COMMANDS):
         begin = time.perf_counter()
         command = [sys.executable, "-m", "cfjax", *([name] if name else []), "--help"]
-        asked = subprocess.run(command, capture_output=True, text=True, check=False)
+        process = subprocess.run(command, capture_output=True, text=True, check=False)
         seconds = time.perf_counter() - begin
-        if asked.returncode or asked.stderr or "cfjax" not in asked.stdout or seconds > HELP_SECONDS:
-            found.append(f"cfjax {name} --help: exit code {asked.returncode}, {seconds:.1f} s, {asked.stderr}")
+        if process.returncode or process.stderr or "cfjax" not in process.stdout or seconds > HELP_SECONDS:
+            found.append(f"cfjax {name} --help: exit code {process.returncode}, {seconds:.1f} s, {process.stderr}")
     return found
 
 
@@ -123,7 +123,7 @@ def main() -> int:
             f"{len(MISTAKES)} mistakes": mistakes,
             "noisy and open points": lambda: point_files(folder),
             f"the help of {1 + len(COMMANDS)} commands": helps,
-            **{name: lambda asked=asked: vehicle(asked, folder) for name, asked in vehicles.items()},
+            **{name: lambda own=own: vehicle(own, folder) for name, own in vehicles.items()},
         }
         for name, part in parts.items():
             begin = time.perf_counter()

@@ -161,7 +161,7 @@ TABLE: dict[str, Callable[[], Call]] = {
         vehicle=CAR,
         method="tt",
         timing=(0.5, 2),
-        authority=1,
+        input_share=1,
     ),
     "Funnel": lambda: of(Funnel, Funnel, **values_of(FUNNEL)),
     "Result": lambda: of(Result, Result, **values_of(RESULT)),
@@ -606,7 +606,7 @@ def test_the_question_is_the_same_in_whatever_form(method: str) -> None:
         Interval(0.5, 3.0),
         1.0,
     )
-    others = {"vehicle": CAR, "method": method, "authority": np.int64(1)}
+    others = {"vehicle": CAR, "method": method, "input_share": np.int64(1)}
     assert plain == Problem(
         straight(4, np.float32(2)),
         jnp.asarray(0.4),

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import cfjax.simulate.__main__ as command
+import cfjax.simulate as command
 from cfjax.errors import InputError
 from cfjax.problem import Frame, Interval, Problem, ball, circle, tube
+from cfjax.report import run_folder
+from cfjax.report.simulated import account_of_period
 from cfjax.result import Absorbed, Robustness, Sampled
-from cfjax.simulate import experiment
-from cfjax.simulate.report import account_of_period
-from cfjax.simulate.tube_course import winding
+from cfjax.simulation import experiment
+from cfjax.simulation.experiment import Setup, set_up
+from cfjax.tubes.along import winding
 from cfjax.verdict import Verdict
 
 
@@ -27,14 +29,14 @@ LIBRARY = "normal-gentle-slow.json.xz"
 @pytest.fixture(autouse=True)
 def runs_are_in_the_papers_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """The runs here are made by hand: no folder says so."""
-    monkeypatch.setattr(experiment, "read_frame", lambda folder: Frame.PAPER)
+    monkeypatch.setattr(run_folder, "read_frame", lambda folder: Frame.PAPER)
 
 
 def test_it_writes_summary_cars_picture_and_animation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, hand_made
 ) -> None:
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
-    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
+    monkeypatch.setattr(run_folder, "read_run", lambda folder, vehicle: run)
     monkeypatch.setattr("cfjax.report.animation.FRAMES", 3)
     # as many cars, and the class of plant, as in tests/simulation/test_sampled.py: compiled once for both
     plant = ["--plant", "disturbed:x=0.001", "--n", "16"]
@@ -61,7 +63,7 @@ def test_it_writes_summary_cars_picture_and_animation(
     assert len(rows) == 16 and list(rows[0])[:5] == ["car", "yaw", "x", "y", "v"]
     # the circle begins in (1.5, 0), where it leads along +y; the file is one of starts, as it stands
     assert np.mean([float(row["yaw"]) for row in rows]) == pytest.approx(math.pi / 2, abs=0.3)
-    again = experiment.ask(experiment.Question(tmp_path, starts=str(out / "cars.csv"), period=0.1))
+    again = set_up(Setup(tmp_path, starts=str(out / "cars.csv"), period=0.1), run, Frame.PAPER)
     np.testing.assert_allclose(again.starts[:, 0], [float(row["yaw"]) - math.pi / 2 for row in rows], atol=1e-15)
     with Image.open(out / "simulation.gif") as film, Image.open(out / "simulation.png") as picture:
         assert getattr(film, "n_frames", 1) > 1 and picture.width > 500
@@ -99,7 +101,7 @@ def test_bad_input_is_one_line(
     if arguments[1] == "commonroad":
         pytest.importorskip("vehiclemodels")
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
-    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
+    monkeypatch.setattr(run_folder, "read_run", lambda folder, vehicle: run)
     assert command.main([str(tmp_path), *arguments]) == 2
     said = capsys.readouterr().err
     assert message in said and said.count("\n") == 1
@@ -111,7 +113,7 @@ def test_no_run_an_uncertified_one_and_words_that_are_no_numbers(
     assert command.main([str(tmp_path / "nowhere")]) == 2
     with pytest.raises(SystemExit, match="2"):
         command.main([str(tmp_path), "--n", "many"])
-    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: hand_made(Problem(circle())))
+    monkeypatch.setattr(run_folder, "read_run", lambda folder, vehicle: hand_made(Problem(circle())))
     assert command.main([str(tmp_path)]) == 2
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 3 and "expected a certified run" in said[-1]
@@ -139,27 +141,27 @@ def test_a_tube_is_driven_along_a_path_by_a_law_that_has_its_period(
     nothing = Absorbed(0.001, (0.1,) * 4, (0.1,) * 4, 0.001)
     run = hand_made(Problem(bounds, inlet=ball(0.15), goal=ball(0.25)), margin=0.4, verdict=Verdict.CERTIFIED)
     run = run.replace(document=document, robustness=Robustness(nothing, 0.9, nothing, 0.9))
-    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
+    monkeypatch.setattr(run_folder, "read_run", lambda folder, vehicle: run)
     angle = np.linspace(0, 2 * np.pi, 60)
     points = tmp_path / "points.csv"
     np.savetxt(points, np.column_stack([3 * np.sin(angle), 3 - 3 * np.cos(angle)])[:-10], delimiter=",")
     starts = tmp_path / "starts.csv"
     starts.write_text("alpha,x,y,v\n-1.6,0,0,2\n-1.5,0.1,0,2\n-1.5,0,0.1,2\n")
-    asked = experiment.ask(
-        experiment.Question(tmp_path, path=points if given else None, starts=str(starts), n=2, period=0.01)
-    )
-    np.testing.assert_array_equal(asked.starts, [[-1.6, 0, 0, 2], [-1.5, 0.1, 0, 2]])
-    assert asked.theta is None
-    assert asked.result.robustness == run.robustness
-    (leg,) = asked.result.legs
+    along = ["--path", str(points)] if given else []
+    options = command.parser().parse_args([str(tmp_path), *along, "--starts", str(starts), "--n", "2"])
+    driven = command.experiment_of(options)
+    np.testing.assert_array_equal(driven.starts, [[-1.6, 0, 0, 2], [-1.5, 0.1, 0, 2]])
+    assert driven.theta is None
+    assert driven.result.robustness == run.robustness
+    (leg,) = driven.result.legs
     assert leg.along == bounds.tube
     if given:
-        ends = asked.problem.path.curve[-1]
+        ends = driven.problem.path.curve[-1]
         np.testing.assert_allclose(
             ends.poses(np.array([ends.duration]))[0, 1:], np.loadtxt(points, delimiter=",")[-1], atol=1e-3
         )
     else:
-        assert asked.problem.path.name == "winding"
+        assert driven.problem.path.name == "winding"
 
 
 @pytest.mark.parametrize(
@@ -180,19 +182,15 @@ def test_a_period_is_proven_of_the_model_under_a_law_that_inherits(
     period: float,
     said: str | None,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     hand_made,
 ) -> None:
     absorbed = Absorbed(0.001577841402603147, (0.1,) * 4, (0.1,) * 4, 0.001)
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
     run = run.replace(robustness=Robustness(absorbed, 0.9, absorbed, 0.9))
-    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
     starts = tmp_path / "starts.csv"
     starts.write_text("alpha,x,y,v\n0,1.5,0,1.5\n")
-    asked = experiment.ask(
-        experiment.Question(tmp_path, plant=plant, noise=noise, law=law, period=period, starts=str(starts))
-    )
-    account = account_of_period(asked)
+    setup = Setup(tmp_path, plant=plant, noise=noise, law=law, period=period, starts=str(starts))
+    account = account_of_period(set_up(setup, run, Frame.PAPER))
     assert account is None if said is None else said in str(account)
     assert "within" not in str(account) or said == account
 
@@ -212,23 +210,21 @@ AHEAD = Sampled(0.05, 3, 0.5, ((0.5, -1.0, 0.0), (1.0, 0.2, 0.0), (2.0, 1.0, 4.0
     ],
 )
 def test_a_law_that_looks_ahead_has_its_own_period_and_delay(
-    noise: str, period: float | None, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hand_made
+    noise: str, period: float | None, said: str, tmp_path: Path, hand_made
 ) -> None:
     absorbed = Absorbed(0.0015, (0.1,) * 4, (0.1,) * 4, 0.001)
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
     run = run.replace(robustness=Robustness(absorbed, 0.9, absorbed, 0.9, (), AHEAD))
-    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
-    question = experiment.Question(tmp_path, noise=noise, law="sampled", period=period, starts="worst", n=2)
-    asked = experiment.ask(question)
-    assert asked.period == (0.05 if period is None else period)
-    assert said in str(account_of_period(asked))
+    setup = Setup(tmp_path, noise=noise, law="sampled", period=period, starts="worst", n=2)
+    driven = set_up(setup, run, Frame.PAPER)
+    assert driven.period == (0.05 if period is None else period)
+    assert said in str(account_of_period(driven))
 
 
-def test_without_a_proof_no_law_looks_ahead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hand_made) -> None:
+def test_without_a_proof_no_law_looks_ahead(tmp_path: Path, hand_made) -> None:
     run = hand_made(Problem(circle()), margin=0.3, verdict=Verdict.CERTIFIED)
-    monkeypatch.setattr(experiment, "read_run", lambda folder, vehicle: run)
     with pytest.raises(InputError, match="--law sampled: expected a run with period=…"):
-        experiment.ask(experiment.Question(tmp_path, law="sampled"))
+        set_up(Setup(tmp_path, law="sampled"), run, Frame.PAPER)
 
 
 def test_the_winding_path_reaches_nearly_both_ends_of_the_tube() -> None:

@@ -187,9 +187,9 @@ class _Search:
             first += len(chosen)
         every = _joined(parts)
         likely = np.argsort(-(every.value - half @ every.width))[:MOST_IN_PROGRAM]
-        asked = conditions.of_box(box).negated()
-        known = np.flatnonzero(np.isfinite(asked.value) & np.isfinite(asked.width).all(axis=0))
-        terms = _joined([every.chosen(likely).raised(float(self.margin)), asked.chosen(known)])
+        wanted_terms = conditions.of_box(box).negated()
+        known = np.flatnonzero(np.isfinite(wanted_terms.value) & np.isfinite(wanted_terms.width).all(axis=0))
+        terms = _joined([every.chosen(likely).raised(float(self.margin)), wanted_terms.chosen(known)])
         return _Offer(half, terms, [numbers[k] for k in likely], known.tolist())
 
 

@@ -6,8 +6,8 @@ from flint import fmpq
 
 from cfcheck import Report
 from cfcheck.exact.rational import float_below, rational
-from cfcheck.robustness.amounts import Absorbed as ProvenAmounts
-from cfcheck.robustness.amounts import Robustness as Proven
+from cfcheck.robustness.amounts import AbsorbedClaim as ProvenAmounts
+from cfcheck.robustness.amounts import ProvenRobustness as Proven
 from cfcheck.robustness.ranges import SampledClaim
 from cfjax.exact import tube_within
 from cfjax.result import Absorbed, Result, Robustness, Sampled
@@ -54,8 +54,8 @@ def _amounts(proven: Proven) -> Robustness:
 def _sampled(claim: SampledClaim) -> Sampled:
     """Rounded so that less is promised; period and delay are the decimals that were asked for, where they are ones."""
     return Sampled(
-        period=_asked(claim.period),
-        delay=_asked(claim.start_up.delay) if claim.start_up else 0.0,
+        period=_shown_amount(claim.period),
+        delay=_shown_amount(claim.start_up.delay) if claim.start_up else 0.0,
         level=float_below(claim.start_up.level) if claim.start_up else 1.0,
         order=claim.order,
         decrease=float_below(claim.decrease),
@@ -65,7 +65,7 @@ def _sampled(claim: SampledClaim) -> Sampled:
     )
 
 
-def _asked(value: fmpq) -> float:
+def _shown_amount(value: fmpq) -> float:
     decimal = int(value.p) / int(value.q)
     return decimal if rational(decimal) == value else float_below(value)
 
@@ -77,11 +77,11 @@ def held_to(result: Result, period: float | None, delay: float | None, why: str 
     """
     if result.verdict is not Verdict.CERTIFIED or period is None or _is_met(result.robustness, period, delay or 0.0):
         return result
-    asked = f"period={period:g}" + (f" with delay={delay:g}" if delay else "")
+    required = f"period={period:g}" + (f" with delay={delay:g}" if delay else "")
     every = result.robustness.alone.period if result.robustness else 0.0
     reached = f"proven of every law: {rounded_down(every, 3, MILLI)} ms" if every else "no control period is proven"
     message = (
-        f"the funnel is proven, with margin {margin_text(result.margin_certified)} 1/s, but not {asked} "
+        f"the funnel is proven, with margin {margin_text(result.margin_certified)} 1/s, but not {required} "
         f"({why or 'no proof was found'}); {reached}; a shorter period may be proven"
     )
     return result.without_claim(Verdict.INCONCLUSIVE, message).replace(robustness=None, closed_loop=None)

@@ -4,7 +4,7 @@ At one θ the clearance along a unit normal n is min_c n·c − R − r − h(n)
 function of n it is concave and homogeneous, so that where it is positive for some direction it has one peak, which a
 fan of directions finds.
 
-The checker's bound of first order (`cfcheck.kernel.sweep`) is cheap, and serves all hulls: `reaches` is the same
+The checker's bound of first order (`cfcheck.clearance.sweep`) is cheap, and serves all hulls: `reaches` is the same
 formula on arrays, for all pieces of a path and all directions of the fan at once. A piece on which some direction
 separates each hull by it is done; pieces that follow each other share their normals as long as these do. Where a hull
 is nearer than that, the piece is looked at by samples, cut where directions have to change, and the checker looks
@@ -20,23 +20,23 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cfcheck.claims.corridor import prove_between
-from cfcheck.claims.legs import Leg
-from cfcheck.claims.surroundings import (
+from cfcheck.clearance.corridor import prove_between
+from cfcheck.clearance.surroundings import (
     CLEARANCE_EFFORT,
     MOST_NORMALS,
     Blocked,
     Body,
-    Clearance,
+    ClearanceHints,
     ClearStretch,
-    Surroundings,
+    SurroundingsClaim,
     shadows_of,
 )
+from cfcheck.clearance.sweep import Nearby, Normal
 from cfcheck.exact.enclosure import Budget
-from cfcheck.kernel.sweep import Nearby, Normal
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
-from cfjax.certificate.hulls import FAN, Along, Disc, Fan, Hulls, levels_of, rows_of
+from cfjax.certificate.hulls import FAN, Along, Fan, FunnelDisc, Hulls, levels_of, rows_of
 from cfjax.funnel.template import template_named
 from cfjax.problem.path import Pose, Profile, Segment
 
@@ -59,16 +59,16 @@ class NotClear(ValueError):
 
 
 Known = Mapping[int, Sequence[ClearStretch]]
-"""What is proven of pieces of a path, by their numbers, whatever is beside them: `end` counts from where each begins."""
+"""What is proven of pieces of a path, by their numbers; `end` counts from where each begins."""
 
 
 def find_clearance(
-    surroundings: Surroundings,
+    surroundings: SurroundingsClaim,
     legs: Sequence[Leg],
     hulls: Hulls | None = None,
     along: Along | None = None,
     known: Known = MappingProxyType({}),
-) -> Clearance:
+) -> ClearanceHints:
     """Stretches with normals along every leg that `prove_surroundings` accepts; none where nothing is to be cleared.
 
     `hulls` and `along`, of the legs' whole path, are given by whoever has them; what is known is not proven again.
@@ -86,7 +86,7 @@ def find_clearance(
     found = []
     for leg in legs:
         body = Body(shadows_of(leg, surroundings.footprint), nearby, budget)
-        search = Search(leg, body, hulls)
+        search = SeparationSearch(leg, body, hulls)
         try:
             own = {index - leg.begin: known[index] for index in range(leg.begin, leg.end) if index in known}
             found.append(search.stretches(along.some(slice(leg.begin, leg.end)), own))
@@ -98,7 +98,7 @@ def find_clearance(
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class SeparationSearch:
     """For the stretches of one leg, each of which is proven as soon as it is found."""
 
     leg: Leg
@@ -106,8 +106,8 @@ class Search:
     hulls: Hulls
 
     @cached_property
-    def _discs(self) -> list[Disc]:
-        return [Disc.of(shadow) for shadow in self.body.shadows]
+    def _discs(self) -> list[FunnelDisc]:
+        return [FunnelDisc.of(shadow) for shadow in self.body.shadows]
 
     def stretches(self, along: Along, known: Known) -> tuple[ClearStretch, ...]:
         """From θ = 0 to the leg's end; `along` are its pieces, and `known` what is proven of some of them.
@@ -210,7 +210,7 @@ class Look:
     """A disc at samples along a part of a piece, and the hulls near it."""
 
     all_hulls: Hulls
-    disc: Disc
+    disc: FunnelDisc
     hulls: Int[np.ndarray, " h"]
     theta: Float[np.ndarray, " t"]  # s, from the start of the leg
     poses: Float[np.ndarray, "t 3"]

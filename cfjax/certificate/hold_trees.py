@@ -219,9 +219,9 @@ class TreeGrower:
             node.leaf = self._proven(found)
         return left
 
-    def _tried(self, asked: Sequence[tuple[_Node, tuple[int, ...]]]) -> "list[_Tried]":
+    def _tried(self, tried: Sequence[tuple[_Node, tuple[int, ...]]]) -> "list[_Tried]":
         """What sums of squares say of each node, with the best of the inputs that are named for it."""
-        leaves = [self._cells(node, choice) for node, choices in asked for choice in choices]
+        leaves = [self._cells(node, choice) for node, choices in tried for choice in choices]
         programs = [[program_at(self.held, cell) for cell in cells] for cells in leaves]
         solutions = iter(solved(self.solver, list(itertools.chain.from_iterable(programs))))
         found = []
@@ -230,7 +230,7 @@ class TreeGrower:
             shown = min(*(hint.margin for hint in hints[:-1]), hints[-1].margin - self.left_out[cells[0].choice])
             found.append(_Tried(cells, own, hints, shown))
         each = iter(found)
-        return [max((next(each) for _ in choices), key=lambda one: one.shown) for _, choices in asked]
+        return [max((next(each) for _ in choices), key=lambda one: one.shown) for _, choices in tried]
 
     def _proven(self, tried: "_Tried") -> ProvenLeaf:
         choice, proofs, spare = tried.cells[0].choice, [], []

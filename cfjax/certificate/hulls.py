@@ -1,7 +1,8 @@
 """What there is to clear, and how far a body reaches, on arrays: the checker's geometry in floating point.
 
-`reaches` is the checker's bound of first order (`cfcheck.kernel.sweep`), for all pieces of a path and all directions of
-a fan at once; `Disc.reach` is how far a disc gets at single poses, without what its turn adds in higher orders.
+`reaches` is the checker's bound of first order (`cfcheck.clearance.sweep`), for all pieces of a path and all directions
+of a fan at once; `FunnelDisc.reach` is how far a disc gets at single poses, without what its turn adds in higher
+orders.
 """
 
 from collections.abc import Sequence
@@ -13,9 +14,9 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
-from cfcheck.claims.legs import Leg
-from cfcheck.kernel.clearance import ObstacleClaim, Shadow
-from cfcheck.kernel.sweep import Normal
+from cfcheck.clearance.half_plane import ObstacleClaim, Shadow
+from cfcheck.clearance.sweep import Normal
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose, Reference
 from cfjax.funnel.template import template_named
@@ -119,7 +120,7 @@ class Along(NamedTuple):
         return np.sqrt(np.maximum(self.way**2 - chord**2, 0.0)) / 2
 
 
-class Disc(NamedTuple):
+class FunnelDisc(NamedTuple):
     """A disc of the body and its funnel's C⁻¹ in floating point."""
 
     radius: float
@@ -127,13 +128,13 @@ class Disc(NamedTuple):
     spread: Float[np.ndarray, "3 3"]
 
     @classmethod
-    def of(cls, shadow: Shadow) -> "Disc":
+    def of(cls, shadow: Shadow) -> "FunnelDisc":
         spread = np.array([[float(shadow.inverse[i, j]) for j in range(3)] for i in range(3)])
         return cls(float(shadow.disc.radius), float(shadow.disc.offset), spread)
 
     @property
     def form(self) -> tuple[float, float, float]:
-        """N by its entries aa, ab and bb (`cfcheck.kernel.sweep`)."""
+        """N by its entries aa, ab and bb (`cfcheck.clearance.sweep`)."""
         s, o = self.spread, self.offset
         return o * o * s[0, 0] - 2 * o * s[0, 1] + s[1, 1], s[1, 2] - o * s[0, 2], s[2, 2]
 
@@ -153,7 +154,7 @@ class Disc(NamedTuple):
 
 
 def reaches(
-    along: Along, level: Float[np.ndarray, " p"], disc: Disc, units: Float[np.ndarray, "k 2"]
+    along: Along, level: Float[np.ndarray, " p"], disc: FunnelDisc, units: Float[np.ndarray, "k 2"]
 ) -> Float[np.ndarray, "p k"]:
     """The checker's bound of first order: n·p for all points p that the disc gets to, along directions."""
     facing = np.arctan2(units[:, 1], units[:, 0]) - along.heading[:, None]
@@ -179,14 +180,14 @@ class Rows(NamedTuple):
 
 
 def near_rows(
-    hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: Disc
+    hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: FunnelDisc
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Pairs of a piece and a hull that a disc may come near to on it."""
     apart = (along.apart() + disc.size(level))[:, None]
     return hulls.near(np.minimum(along.start, along.end) - apart, np.maximum(along.start, along.end) + apart)
 
 
-def rows_of(hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: Disc, every: int = 1) -> Rows:
+def rows_of(hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: FunnelDisc, every: int = 1) -> Rows:
     """All of them that the checker may ask for, of one disc; `every` so many directions of the fan."""
     piece, hull = near_rows(hulls, along, level, disc)
     reach = reaches(along, level, disc, FAN.units[::every])

@@ -16,7 +16,7 @@ from cfcheck.vehicle.structure import has_tube_structure
 from cfjax.certificate.certifier import Statement
 from cfjax.certificate.plan import CELLS
 from cfjax.certificate.rounding import round_funnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, question_of
+from cfjax.certificate.stretches import ThetaInterval, bounded, decreases_on, entries_of, question_of
 from cfjax.coerce import objects
 from cfjax.errors import InputError
 from cfjax.funnel import Funnel, Template
@@ -49,7 +49,7 @@ def put_together(
     claim, rounded = statement.claim, round_funnel(funnel, problem.path.distinct[kind])
     question = question_of(claim, rounded)
     if isinstance(claim.course, Bounds):
-        stretch = Stretch(fmpq(0), fmpq(0), claim.course)
+        stretch = ThetaInterval(fmpq(0), fmpq(0), claim.course)
     else:
         pieces = statement.pieces(kind)
         duration = pieces[-1].theta + pieces[-1].duration

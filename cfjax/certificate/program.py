@@ -32,7 +32,7 @@ def program_of(claim: FunnelProgram, cell: object) -> Program:
     order = 2 * max(degrees)
     target, drop, *constraints = (
         coefficients(polynomial, order)
-        for polynomial in (claim.target(cell), claim.drop(cell), *claim.constraints(cell))
+        for polynomial in (claim.target(cell), claim.weight(cell), *claim.constraints(cell))
     )
     return Program(len(claim.states), degrees, target, drop, np.array(constraints).reshape(-1, len(target)))
 
@@ -49,7 +49,7 @@ def solved(solver: Solver, programs: Sequence[Program]) -> list[Solution]:
     return [Solution.failed(solver.name, message)] * len(programs)
 
 
-class Proven(NamedTuple):
+class CellResult(NamedTuple):
     """What the exact replay made of a solution: no proof, or one with its margin."""
 
     solution: Solution
@@ -63,7 +63,7 @@ class Proven(NamedTuple):
         return self.proof is not None and self.solution.status is Status.OPTIMAL and not lost_by_rounding
 
 
-def prove(claim: FunnelProgram, cell: object, program: Program, solution: Solution) -> Proven:
+def prove(claim: FunnelProgram, cell: object, program: Program, solution: Solution) -> CellResult:
     """The exact proof that a solution hints at; where there is none, or a poor one, the reference solver's.
 
     Raises:
@@ -94,10 +94,10 @@ def _is_usable(claim: FunnelProgram, cell: object, solution: Solution) -> bool:
     )
 
 
-def _exact_proof(claim: FunnelProgram, cell: object, solution: Solution) -> Proven:
+def _exact_proof(claim: FunnelProgram, cell: object, solution: Solution) -> CellResult:
     """The first padding with which the exact replay accepts a solution as rounded."""
     if not _is_usable(claim, cell, solution):
-        return Proven(solution, None, fmpq(0))
+        return CellResult(solution, None, fmpq(0))
     assert solution.grams is not None
     for padding in PADDINGS:
         grams = tuple(round_gram(gram, padding) for gram in solution.grams)
@@ -105,9 +105,9 @@ def _exact_proof(claim: FunnelProgram, cell: object, solution: Solution) -> Prov
         budget = claim.domain.budget
         left = budget.left
         try:
-            return Proven(solution, proof, claim.proven_margin(proof))
+            return CellResult(solution, proof, claim.proven_margin(proof))
         except TooLarge:  # the checker takes no more, whoever's hints they are
             raise
         except ValueError:  # not positive definite yet; the checker will not see this attempt, nor pay for it
             budget.left = left
-    return Proven(solution, None, fmpq(0))
+    return CellResult(solution, None, fmpq(0))

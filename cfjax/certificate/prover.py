@@ -25,9 +25,9 @@ from cfcheck.path.piece import Piece
 from cfcheck.reader import Broken
 from cfcheck.vehicle.structure import has_tube_structure
 from cfjax.certificate.plan import CELLS, plan
-from cfjax.certificate.program import MARGIN_BITS, Proven, program_of, prove, solved
+from cfjax.certificate.program import MARGIN_BITS, CellResult, program_of, prove, solved
 from cfjax.certificate.rounding import RoundedFunnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, entries_of, question_of
+from cfjax.certificate.stretches import ThetaInterval, bounded, decreases_on, entries_of, question_of
 from cfjax.certificate.writing import write_stretch
 from cfjax.falsifier import Counterexample
 from cfjax.problem import Path, Problem
@@ -74,7 +74,7 @@ def place_on(path: Path, index: int, begin: float, end: float) -> tuple[float, f
 class StretchProof:
     """A proven stretch; margins in 1/s, per metre in 1/m."""
 
-    stretch: Stretch
+    stretch: ThetaInterval
     degrees: tuple[int, ...]
     margin: fmpq
     margin_per_metre: fmpq
@@ -124,7 +124,7 @@ class Prover:
         Raises:
             NotProven: it proves nothing.
         """
-        return [self.prove(Stretch(fmpq(0), fmpq(0), bounds), 0.0)]
+        return [self.prove(ThetaInterval(fmpq(0), fmpq(0), bounds), 0.0)]
 
     def along(self, pieces: Sequence[Piece], target: float) -> list[StretchProof]:
         """Stretches that cover a leg's pieces, as many as the target (1/s) needs; with target 0 a single one.
@@ -188,11 +188,11 @@ class Prover:
         own = self.room // self.entries - later if self.entries else MOST_STRETCHES
         return max(1, min(MOST_STRETCHES, own))
 
-    def _can_gain(self, stretch: Stretch) -> bool:
+    def _can_gain(self, stretch: ThetaInterval) -> bool:
         """Whether shorter stretches could prove more: not where nothing changes along it."""
         return not (stretch.bounds.is_single and self.rounded.level.rate == 0)
 
-    def prove(self, stretch: Stretch, target: float) -> StretchProof:
+    def prove(self, stretch: ThetaInterval, target: float) -> StretchProof:
         """All cells of a stretch.
 
         Raises:
@@ -260,8 +260,8 @@ class Prover:
             self.clock["exact"] += time.perf_counter() - started
 
     def _proven(
-        self, stretch: Stretch, question: SteadyDecrease, cell: Cell, program: Program, solution: Solution
-    ) -> Proven:
+        self, stretch: ThetaInterval, question: SteadyDecrease, cell: Cell, program: Program, solution: Solution
+    ) -> CellResult:
         """The exact proof of a cell, by the clock."""
         started = time.perf_counter()
         try:
@@ -273,11 +273,11 @@ class Prover:
 
     def _not_proven(
         self,
-        stretch: Stretch,
+        stretch: ThetaInterval,
         questions: list[SteadyDecrease],
         index: int,
         cell: Cell,
-        found: Proven,
+        found: CellResult,
         used: list[Solution],
     ) -> NotProven:
         named, solution = _named(stretch, questions, index, cell), found.solution
@@ -292,7 +292,7 @@ class Prover:
         )
 
     def _counterexamples(
-        self, stretch: Stretch, decrease: SteadyDecrease, used: list[Solution]
+        self, stretch: ThetaInterval, decrease: SteadyDecrease, used: list[Solution]
     ) -> tuple[Counterexample, ...]:
         """Deviations near which the worst cells are decided: ± the principal axis of the dual's second moments."""
         whitening = np.array([[float(entry) for entry in row] for row in decrease.whitening])
@@ -328,6 +328,6 @@ def _rounded_down(value: fmpq) -> fmpq:
     return fmpq(math.floor(value * (1 - ROOM) * 2**MARGIN_BITS), 2**MARGIN_BITS)
 
 
-def _named(stretch: Stretch, questions: list[SteadyDecrease], index: int, cell: Cell) -> str:
+def _named(stretch: ThetaInterval, questions: list[SteadyDecrease], index: int, cell: Cell) -> str:
     place = place_of([question.extreme for question in questions], index)
     return f"{stretch.name}{place}piece {cell.piece}, signs {signs_text(cell.signs)}"

@@ -72,9 +72,9 @@ def hints_with(
         choices: tuple[Inputs, ...] = tuple(itertools.product(*levels))
         nothing = (fmpq(0),) * len(choices)
         claim = SampledClaim(period, order, fmpq(1), choices, nothing, _cuts(leg, period))
-        asked = [(_with_functions(held), parts) for held, parts in held_ranges(leg, claim)]
-        start = {} if delay is None else {START_UP: _start_up(leg, [held for held, _ in asked], delay, solver)}
-        return _stated(asked, claim, solver, least) | start
+        ranges = [(_with_functions(held), parts) for held, parts in held_ranges(leg, claim)]
+        start = {} if delay is None else {START_UP: _start_up(leg, [held for held, _ in ranges], delay, solver)}
+        return _stated(ranges, claim, solver, least) | start
 
 
 def _start_up(leg: SteadyLeg, each: Sequence[HeldRange], delay: fmpq, solver: Solver) -> dict[str, Any]:
@@ -91,12 +91,12 @@ def _start_up(leg: SteadyLeg, each: Sequence[HeldRange], delay: fmpq, solver: So
 
 
 def _stated(
-    asked: Sequence[tuple[HeldRange, tuple[Part, ...]]], claim: SampledClaim, solver: Solver, least: float
+    ranges: Sequence[tuple[HeldRange, tuple[Part, ...]]], claim: SampledClaim, solver: Solver, least: float
 ) -> dict[str, Any]:
-    bends = [_bounds(held, list(held.cells()), solver) for held, _ in asked]
+    bends = [_bounds(held, list(held.cells()), solver) for held, _ in ranges]
     largest = (max(fmpq(0), *(-margin for margin, _ in each)) for each in zip(*bends, strict=True))
     claim = replace(claim, bends=tuple(fmpq(bound.ceil()) for bound in largest))
-    growers = [[TreeGrower(held, part, claim, solver) for part in parts] for held, parts in asked]
+    growers = [[TreeGrower(held, part, claim, solver) for part in parts] for held, parts in ranges]
     everywhere = list(itertools.chain.from_iterable(growers))
     shell = [grower for grower in everywhere if grower.part.is_shell]
     best = min(grower.best() for grower in shell)
@@ -120,7 +120,7 @@ def _stated(
                 "bends": [write_proof(proof) for _, proof in own],
                 "trees": [grower.written() for grower in each],
             }
-            for (held, _), own, each in zip(asked, bends, growers, strict=True)
+            for (held, _), own, each in zip(ranges, bends, growers, strict=True)
         ],
     }
 

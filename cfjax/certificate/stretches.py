@@ -34,7 +34,7 @@ SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider tha
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ThetaInterval:
     """θ from begin to end (s), and bounds of the reference that hold there; both ends are 0 for an invariant funnel."""
 
     begin: fmpq
@@ -47,7 +47,7 @@ class Stretch:
         return f"theta from {float(self.begin):.4g} to {float(self.end):.4g} s, " if self.end else ""
 
 
-def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = False) -> Stretch:
+def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = False) -> ThetaInterval:
     """The stretch of a segment's pieces with bounds that are proven to hold; of the curvature's rate if it is smooth.
 
     Raises:
@@ -57,7 +57,7 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = F
     first = parts[0]
     if all(part.is_constant and part.speed == first.speed and part.turn_rate == first.turn_rate for part in parts):
         kappa, v, zero = first.turn_rate[0] / first.speed[0], first.speed[0], fmpq(0)
-        return Stretch(begin, end, Bounds((kappa, kappa), (v, v), (zero, zero)))
+        return ThetaInterval(begin, end, Bounds((kappa, kappa), (v, v), (zero, zero)))
     profiles = [_sampled(part) for part in parts]
     speed, turn, slope, turn_slope = (np.concatenate(each) for each in zip(*profiles, strict=True))
     if not speed.min() > 0:
@@ -70,7 +70,7 @@ def bounded(pieces: Sequence[Piece], begin: fmpq, end: fmpq, is_smooth: bool = F
         changing = _around((turn_slope - turn / speed * slope) / speed, slack) if is_smooth else None
         bounds = Bounds(_around(turn / speed, slack), *moving, changing)
         if bounds.speed[0] > 0 and all(part.inside(bounds) for part in parts):
-            return Stretch(begin, end, bounds)
+            return ThetaInterval(begin, end, bounds)
     raise ValueError(f"no bounds are proven between theta = {float(begin):.4g} and {float(end):.4g} s")
 
 
@@ -100,7 +100,7 @@ def question_of(claim: ProblemClaim, rounded: RoundedFunnel) -> Question:
 
 
 def decreases_on(
-    question: Question, rounded: RoundedFunnel, stretch: Stretch, degrees: tuple[int, ...] = ()
+    question: Question, rounded: RoundedFunnel, stretch: ThetaInterval, degrees: tuple[int, ...] = ()
 ) -> list[SteadyDecrease]:
     """What has to be shown for (d), one for each extreme reference, with proven enclosures on the funnel's range.
 
@@ -202,7 +202,7 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
 
     An authority of a high degree is cut, for its Gram matrix to have more than a constant.
     """
-    sides = (side for cell in question.cells() for side in (question.target(cell), question.drop(cell)))
+    sides = (side for cell in question.cells() for side in (question.target(cell), question.weight(cell)))
     order = -(-max(int(side.total_degree()) for side in sides) // 2)
     slopes = [_side_degree(question, name) for name in question.signed_inputs]
     least = min(1, order - 1)

@@ -14,7 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 import cfjax
 from cfjax.coerce import Refused
-from cfjax.conf.command_line import hydra_overrides
+from cfjax.conf.command_line import RENAMED, hydra_overrides
 from cfjax.conf.messages import one_line, shown
 from cfjax.conf.schema import (
     PATH_KINDS,
@@ -27,7 +27,7 @@ from cfjax.conf.schema import (
     WaypointsConfig,
 )
 from cfjax.conf.user_class import own_vehicle
-from cfjax.errors import InputError, meant
+from cfjax.errors import InputError, meant, renamed
 from cfjax.learner.elimination import Elimination
 from cfjax.options import Options, ProofLimits
 
@@ -104,6 +104,10 @@ def config_of(text: str) -> Config:
         data = OmegaConf.create(text)
         if not isinstance(data, DictConfig):
             raise InputError("config.yaml: expected keys and values")
+        for old, new in RENAMED.items():
+            if old in data:
+                renamed(f"config.yaml: {old}", new)
+                data[new] = data.pop(old)
         for label, kinds in (("path", PATH_KINDS), ("vehicle", VEHICLE_KINDS)):
             kind = OmegaConf.select(data, f"{label}.kind")
             if kind not in kinds:
@@ -162,7 +166,7 @@ def problem_of(config: Config, vehicle: "cfjax.Vehicle | None" = None) -> "cfjax
             vehicle=built,
             method=config.method,
             timing=config.timing,
-            authority=config.authority,
+            input_share=config.input_share,
             law=config.law.build(),
         )
         return config.path.posed(problem)

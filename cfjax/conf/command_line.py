@@ -11,12 +11,13 @@ from hydra.core.override_parser.types import Override, Quote, QuotedString
 from hydra.errors import HydraException
 
 from cfjax.conf.messages import CHOICES, PLACES, expected_at, is_list_of_texts, is_named_values, is_text
-from cfjax.errors import InputError
+from cfjax.errors import InputError, renamed
 
 
 DEFAULT_PATH = "oval"
 VERBOSE = "hydra.verbose"  # true, or the loggers that are to say more: Hydra takes any word for a logger
 GROUPS = ("path", "vehicle", "objective", "law", "experiment")
+RENAMED = {"authority": "input_share"}  # keys, by their former names
 KEY = re.compile(r"(\+{0,2})([^\W\d][\w-]*(?:\.[\w-]+)*)")
 
 
@@ -59,6 +60,9 @@ def _form(given: str, sweep: bool) -> str:
     if not match or not equals:
         raise InputError(f"expected key=value, without ~ or @ and without blanks around =, got {given}")
     key = match[2]
+    if key in RENAMED:
+        renamed(key, RENAMED[key])
+        key = RENAMED[key]
     sign = "+" if key == "path" else "++" if is_named_values(key) else ""
     if is_list_of_texts(key):
         value = _list(key, value, sweep)

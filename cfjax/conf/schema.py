@@ -369,7 +369,7 @@ class Config:
     sets: SetsConfig = field(default_factory=SetsConfig)
     method: str = "pf"  # "pf", path following, with the timing u0 free; "tt", trajectory tracking, with u0 = 1
     timing: list[float] = field(default_factory=lambda: [0.5, 2.0])  # interval of u0 around 1; with pf only
-    authority: float = 1.0  # how far a law may go from what the reference needs to the inputs' limits; 1: all the way
+    input_share: float = 1.0  # of the range from what the reference needs to the inputs' limits, that a law may use
     law: LawConfig = field(default_factory=LawConfig)
     template: str = Options.template
     certificate: str = Options.certificate

@@ -11,7 +11,7 @@ from cfjax.demonstrator.task import Task, advance, piece_of, resting
 from cfjax.problem import Vehicle
 
 
-class Plan(NamedTuple):
+class Trajectories(NamedTuple):
     """Trajectories of k problems over N intervals, batch last."""
 
     states: Float[Array, "N z k"]  # at the beginning of each interval
@@ -29,17 +29,17 @@ class Policy(NamedTuple):
     residual: Float[Array, " k"]  # of the optimality conditions, in units of the cost; see `backward`
 
 
-def rollout(vehicle: Vehicle, task: Task, start: Float[Array, "z k"], inputs: Float[Array, "N m k"]) -> Plan:
+def rollout(vehicle: Vehicle, task: Task, start: Float[Array, "z k"], inputs: Float[Array, "N m k"]) -> Trajectories:
     """The plan of given inputs, clipped into the box."""
 
     def interval(carry: tuple[Array, Array], u: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         return _driven(vehicle, task, carry, u)
 
     (last, cost), (states, inputs) = jax.lax.scan(interval, (start, jnp.zeros(start.shape[1:])), inputs)
-    return Plan(states, last, inputs, cost + task.arrive(last))
+    return Trajectories(states, last, inputs, cost + task.arrive(last))
 
 
-def followed(vehicle: Vehicle, task: Task, plan: Plan, policy: Policy) -> Plan:
+def followed(vehicle: Vehicle, task: Task, plan: Trajectories, policy: Policy) -> Trajectories:
     """The plan that follows a policy around another plan, from the same start."""
 
     def interval(carry: tuple[Array, Array], knot: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -48,7 +48,7 @@ def followed(vehicle: Vehicle, task: Task, plan: Plan, policy: Policy) -> Plan:
 
     along = (plan.states, plan.inputs, policy.change, policy.gain)
     (last, cost), (states, inputs) = jax.lax.scan(interval, (plan.states[0], jnp.zeros_like(plan.cost)), along)
-    return Plan(states, last, inputs, cost + task.arrive(last))
+    return Trajectories(states, last, inputs, cost + task.arrive(last))
 
 
 def _driven(
@@ -63,7 +63,7 @@ def _driven(
     return (advance(vehicle, task, z, u, piece), keep(cost)), (z, u)
 
 
-def backward(vehicle: Vehicle, task: Task, plan: Plan, damping: Float[Array, " k"]) -> Policy:
+def backward(vehicle: Vehicle, task: Task, plan: Trajectories, damping: Float[Array, " k"]) -> Policy:
     """The policy that is best for the quadratic model of the cost along the plan, inside the box.
 
     The model: dynamics to first order, cost to second, so its Hessian is positive semidefinite (Gauss–Newton);

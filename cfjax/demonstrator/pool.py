@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from cfjax.demonstrator.box import COMPILER
-from cfjax.demonstrator.ddp import Plan, backward, followed, rollout
+from cfjax.demonstrator.ddp import Trajectories, backward, followed, rollout
 from cfjax.demonstrator.task import Task
 from cfjax.problem import Vehicle
 from cfjax.problem.vehicle import Scalar
@@ -36,7 +36,7 @@ class Lanes(NamedTuple):
     """The problems in work; arrays end in one entry per lane."""
 
     number: Int[Array, " w"]  # of the problem; one too many where there is none
-    plan: Plan
+    plan: Trajectories
     damping: Float[Array, " w"]
     iterations: Int[Array, " w"]
     residual: Float[Array, " w"]

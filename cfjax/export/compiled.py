@@ -56,7 +56,7 @@ def compile_controller(folder: Path, *flags: str, main: Path | None = None) -> P
     return target
 
 
-class Controller:
+class CompiledController:
     """One controller: the functions of the header, arrays in and out."""
 
     def __init__(self, library: Path, states: int, inputs: int, commands: int) -> None:

@@ -195,14 +195,14 @@ def _code(result: Result) -> dict[str, str]:
     vehicle, template = result.problem.vehicle, _template(result)
     states, inputs = vehicle.state_names, vehicle.input_names
     given, owner = [f"inputs[{i + 1}]" for i in range(len(inputs))], f"vehicle {vehicle.name}"
-    told = [f"command[{i}]" for i in range(len(vehicle.command_names))]
+    commands = [f"command[{i}]" for i in range(len(vehicle.command_names))]
     rest = [f"rest[{i}]" for i in range(len(states))]
     profile = ["turn_rate", "speed"]
     code = {
         "dynamics": dynamics(vehicle),
         "dynamics_at_rest": dynamics(vehicle, at_rest=True),
         "rest": straight(lambda *point: (0.0, 0.0, 0.0, *vehicle.reference(*point)[1]), profile, rest, owner),
-        "command": straight(lambda *values: vehicle.command(values), given, told, owner),
+        "command": straight(lambda *values: vehicle.command(values), given, commands, owner),
         "value": straight(lambda *values: [template.value(*values)], ["rate", "t", "q"], ["value"], template.name),
         "level": straight(
             lambda *values: [template.level(*values), template.scale(*values)],

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax.coerce import choice, instances, objects, refuse, whole
-from cfjax.falsifier.minimax import Outcome, Particles, Schedule, minimax, ridge_coordinates, spawn
+from cfjax.falsifier.minimax import MinimaxResult, Particles, Schedule, minimax, ridge_coordinates, spawn
 from cfjax.funnel import Funnel, Template
 from cfjax.funnel.conditions import containment_points, shell_points
 from cfjax.funnel.funnel import require_fit
@@ -107,7 +107,7 @@ def _searched(
     particles: Particles,
 ) -> Hunt:
     scale = margin_scale(vehicle, template, chain, factor, change, particles)
-    found: Outcome = minimax(vehicle, template, chain, schedule, scale, factor, change, particles)
+    found: MinimaxResult = minimax(vehicle, template, chain, schedule, scale, factor, change, particles)
     return Hunt(found.particles, _without_nan(found.margins))
 
 

@@ -153,8 +153,8 @@ def _leaving_a_tube(
 
     start = value(z)
     highest = jnp.stack([rising(z, kappa, a) for kappa in curvatures for a in accelerations]).max(axis=0)
-    asked = jnp.maximum(decrease, per_metre * z[0])
-    allowed = (start <= 1) & ((start < beta_lower) | (highest <= -asked))
+    required = jnp.maximum(decrease, per_metre * z[0])
+    allowed = (start <= 1) & ((start < beta_lower) | (highest <= -required))
     return jnp.where(allowed, _first_exit(value, worst, z, step), jnp.inf)
 
 

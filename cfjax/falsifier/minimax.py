@@ -73,7 +73,7 @@ class Particles(NamedTuple):
     station: np.ndarray  # (candidates, funnels, particles)
 
 
-class Outcome(NamedTuple):
+class MinimaxResult(NamedTuple):
     """After a search: candidates, particles and the margins (1/s) at the particles, exact |b_i|."""
 
     factor: Float[np.ndarray, "r f n n"]
@@ -109,12 +109,12 @@ def minimax(
     factor: Float[np.ndarray, "r f n n"],
     change: Float[np.ndarray, "r f"],
     particles: Particles,
-) -> Outcome:
+) -> MinimaxResult:
     """Run the schedule for all candidates at once; `scale` is the spread of each one's margins, 1/s."""
     numbers = jax.tree.map(lambda value: np.asarray(value, float), schedule)._replace(steps=np.int64(schedule.steps))
     moved = traced(_run, traced_vehicle(vehicle), template)(chain, numbers, scale, factor, change, *particles)
     factor, change, points, margins = map(np.asarray, moved)
-    return Outcome(factor, change, particles._replace(points=points), margins)
+    return MinimaxResult(factor, change, particles._replace(points=points), margins)
 
 
 def _normalised(points: Array) -> Array:

@@ -47,7 +47,7 @@ def slowest_fall(
         InputError: for a segment whose reference changes.
     """
     hold = number("hold", hold, "s", above=0)
-    of = _asked(problem, segment, funnel, numbers, partial(_fall, hold=hold))
+    of = _score(problem, segment, funnel, numbers, partial(_fall, hold=hold))
     return _least(of, problem, funnel, funnel.beta_lower, seed, trials)
 
 
@@ -66,7 +66,7 @@ def first_escape_of_holds(
         InputError: for a segment whose reference changes.
     """
     horizon = number("horizon", horizon, "s", above=0)
-    of = _asked(problem, segment, funnel, numbers, partial(_leaving, horizon=horizon))
+    of = _score(problem, segment, funnel, numbers, partial(_leaving, horizon=horizon))
     return _least(of, problem, funnel, INSIDE, seed, trials)
 
 
@@ -91,14 +91,14 @@ def first_escape_of_start(
     """
     horizon, level = number("horizon", horizon, "s", above=0), number("level", level, above=0, most=1)
     held = numbers._replace(choices=numbers.choices[start : start + 1], left_out=numbers.left_out[start : start + 1])
-    of = _asked(problem, segment, funnel, held, partial(_leaving, horizon=horizon, any_choice=True))
+    of = _score(problem, segment, funnel, held, partial(_leaving, horizon=horizon, any_choice=True))
     return _least(of, problem, funnel, INSIDE, seed, trials, level)
 
 
 Score = Callable[[Float[Array, " k"], Float[Array, "k n"]], Array]  # of θ (s) and deviations
 
 
-def _asked(problem: Problem, segment: Segment, funnel: Funnel, numbers: Holds, of: Callable[..., Array]) -> Score:
+def _score(problem: Problem, segment: Segment, funnel: Funnel, numbers: Holds, of: Callable[..., Array]) -> Score:
     """A score of many deviations beside the segment's reference."""
     require_question(problem, segment, funnel)
     instance("numbers", numbers, Holds)

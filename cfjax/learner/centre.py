@@ -74,8 +74,8 @@ class Polytope:
         size = np.linalg.norm(self.normals, axis=1)
         if (self.offsets[size == 0] < 0).any():
             return None
-        told = size > 0
-        return Polytope(self.normals[told] / size[told, None], self.offsets[told] / size[told])
+        nonzero = size > 0
+        return Polytope(self.normals[nonzero] / size[nonzero, None], self.offsets[nonzero] / size[nonzero])
 
 
 @dataclass(frozen=True)
@@ -198,11 +198,11 @@ def irredundant(polytope: Polytope) -> Polytope:
     empty = (size == 0) & (polytope.offsets < 0)
     if empty.any():
         return Polytope(polytope.normals[empty], polytope.offsets[empty])
-    told = Polytope(polytope.normals[size > 0], polytope.offsets[size > 0])
-    normals, offsets = told.normals / size[size > 0, None], told.offsets / size[size > 0]
-    kept = np.ones(len(told), bool)
-    for row in range(len(told)):
+    nonzero = Polytope(polytope.normals[size > 0], polytope.offsets[size > 0])
+    normals, offsets = nonzero.normals / size[size > 0, None], nonzero.offsets / size[size > 0]
+    kept = np.ones(len(nonzero), bool)
+    for row in range(len(nonzero)):
         kept[row] = False
         found = linprog(-normals[row], A_ub=normals[kept], b_ub=offsets[kept], bounds=(None, None), method="highs")
         kept[row] = not (found.status == 0 and -found.fun <= offsets[row] - REDUNDANT)
-    return Polytope(told.normals[kept], told.offsets[kept])
+    return Polytope(nonzero.normals[kept], nonzero.offsets[kept])

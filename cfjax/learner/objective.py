@@ -59,11 +59,11 @@ def learn_for(
         if high / low < CLOSE:
             break
         middle = math.sqrt(low * high)
-        asked = _narrowed(problem, middle) if objective.kind == "width" else _widened(problem, middle)
-        found = learn(asked, template, warm=best[1].funnels, tracking=False, **options)
+        posed = _narrowed(problem, middle) if objective.kind == "width" else _widened(problem, middle)
+        found = learn(posed, template, warm=best[1].funnels, tracking=False, **options)
         good = found is not None and found.margin >= target
         if found is not None and good:
-            best = (problem if objective.kind == "width" else asked), found
+            best = (problem if objective.kind == "width" else posed), found
         if objective.kind == "width":
             low, high = (low, min(middle, _lateral(best[1]))) if good else (middle, high)
         else:

@@ -55,7 +55,7 @@ class FunnelOracle:
     coordinates: Coordinates
     demonstrate: Demonstrate | None
     how: Elimination
-    asked: float  # 1/s, at present
+    target: float  # 1/s, at present
     seed: int
     witnesses: Witnesses = field(init=False)
     contained: Polytope = field(init=False)  # half-spaces of (a), (b), (c)
@@ -83,28 +83,28 @@ class FunnelOracle:
             return Reply(cuts)
         funnel = self.coordinates.funnel(c)
         margin, hunted = self._hunt(funnel)
-        if margin >= self.asked:
+        if margin >= self.target:
             if margin > self.best[0]:
                 self.best = margin, funnel
             if not self.how.climb:
                 return Reply(self._nothing())
-            self.asked, self.outgrown, self.idle = CLIMB * margin, self.outgrown + 1, 0
+            self.target, self.outgrown, self.idle = CLIMB * margin, self.outgrown + 1, 0
         theta, x = self._worst(funnel, hunted)
         if not len(theta):
             raise Undecided("falsifier: no margin, and no point at which there is none")
         new = self._witnesses(funnel, theta, x)
         self.witnesses = self.witnesses.and_(new)
         if self.how.revise:
-            self.witnesses = revised(self.problem, self.coordinates, self.witnesses, self.asked, self.contained)
+            self.witnesses = revised(self.problem, self.coordinates, self.witnesses, self.target, self.contained)
         if self.how.revise or self.outgrown:  # all demonstrations are new, or are held to a new margin
-            return Reply(self.contained.cut(falling(self.coordinates, self.witnesses, self.asked)), afresh=True)
-        return Reply(falling(self.coordinates, new, self.asked))
+            return Reply(self.contained.cut(falling(self.coordinates, self.witnesses, self.target)), afresh=True)
+        return Reply(falling(self.coordinates, new, self.target))
 
     def run(self, search: Localised) -> EliminationRun:
         """The whole search in one object."""
         margin, funnel = self.best
         return EliminationRun(
-            self.how, self.coordinates, search, funnel, margin, self.asked, self.witnesses, self.half_planes
+            self.how, self.coordinates, search, funnel, margin, self.target, self.witnesses, self.half_planes
         )
 
     def _nothing(self) -> Polytope:
@@ -118,7 +118,7 @@ class FunnelOracle:
         for schedule in (QUICK, *(SEARCH,) * ACCEPTING):
             found.append(self._particles(funnel, factor, schedule))
             least = min(least, float(found[-1].margins.min()))
-            if not least >= self.asked:
+            if not least >= self.target:
                 break
         return least, Hunted(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
@@ -134,7 +134,7 @@ class FunnelOracle:
         points, station, margins = hunted
         kept: list[int] = []
         for j in np.argsort(margins):
-            if len(kept) == self.how.batch or not margins[j] < self.asked:
+            if len(kept) == self.how.batch or not margins[j] < self.target:
                 break
             if not np.isfinite(points[j]).all():
                 continue
@@ -149,10 +149,10 @@ class FunnelOracle:
         x, q, _ = map(
             np.asarray, shell_points(self.template, self.instance, factor, funnel.rate, w, s, jnp.asarray(station[at]))
         )
-        told = np.isfinite(x).all(axis=1) & (np.arange(len(at)) < len(kept))
+        finite = np.isfinite(x).all(axis=1) & (np.arange(len(at)) < len(kept))
         begin, end = np.asarray(self.instance.begin)[station[at]], np.asarray(self.instance.end)[station[at]]
         full = np.array([self._full_at(funnel.rate, value) for value in q.tolist()])
-        return np.clip(full, begin, end)[told], x[told]
+        return np.clip(full, begin, end)[finite], x[finite]
 
     def _full_at(self, rate: float, q: float) -> float:
         """Where V = 1 for a deviation with form q: the demand is the largest there, or at the nearest θ there is."""

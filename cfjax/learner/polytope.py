@@ -81,10 +81,10 @@ def learn_polytope(
     if demonstrate is None and not how.revise:
         raise InputError("polytope.demonstrations: expected revised where no demonstrator is given")
     lowest, highest = (float(bound[0]) for bound in chain.funnels.change_bounds)
-    asked = [None] if isinstance(template, Paper) else [c for c in changes if lowest <= c <= highest]
+    rate_changes = [None] if isinstance(template, Paper) else [c for c in changes if lowest <= c <= highest]
     runs: list[EliminationRun] = []
     roomless: list[float | None] = []
-    for k, change in enumerate(asked):
+    for k, change in enumerate(rate_changes):
         coordinates = Coordinates.of(template, chain, beta_lower, beta_inner, change)
         if coordinates is None:
             roomless.append(change)
@@ -92,7 +92,7 @@ def learn_polytope(
         best = max((run.margin for run in runs), default=-math.inf)
         margin = max(how.margin, best) if how.climb else how.margin  # a later rate has to pass the best so far
         oracle = FunnelOracle(problem, template, chain, coordinates, demonstrate, how, margin, seed)
-        report = None if progress is None else (lambda done, of, k=k: progress(k * of + done, len(asked) * of))
+        report = None if progress is None else (lambda done, of, k=k: progress(k * of + done, len(rate_changes) * of))
         search = localise(
             coordinates.lower,
             coordinates.upper,

@@ -25,7 +25,7 @@ class EliminationRun:
     search: Localised
     funnel: Funnel | None
     margin: float  # 1/s, falsified; −∞ without a funnel
-    asked: float  # 1/s, the last margin asked for
+    target: float  # 1/s, the last margin asked for
     witnesses: Witnesses
     half_planes: int  # that were chosen beside obstacles
 
@@ -58,7 +58,7 @@ class EliminationRun:
             "limit": bound,
             "demonstrations": self.demonstrations,
             "half_planes": self.half_planes,
-            "asked": self.asked,
+            "asked": self.target,
             "margin": None if self.funnel is None else self.margin,
             "ending": self.search.ending.value,
         }
@@ -71,7 +71,7 @@ class EliminationRun:
             found = (
                 f"a funnel of margin {self.margin:.4g} 1/s{at_rates([self.change])} after {self.candidates} candidates"
             )
-        search, wanted = self.search, f"margin {self.asked:.4g} 1/s{self._where()}"
+        search, wanted = self.search, f"margin {self.target:.4g} 1/s{self._where()}"
         if search.ending is Ending.FOUND:
             return found
         if search.ending is Ending.SOLVER:
@@ -98,7 +98,7 @@ class EliminationRun:
         """What a margin that was asked for means: on which levels, and at which rates."""
         found = self.coordinates
         if found.change is not None or found.beta_inner is not None:
-            levels = f" (at V = {found.beta_lower:g}, {self.asked / found.beta_lower:.4g} 1/s at V = 1)"
+            levels = f" (at V = {found.beta_lower:g}, {self.target / found.beta_lower:.4g} 1/s at V = 1)"
         else:
             levels = f" (at a witness's own level, {steepness(found):.3g} 1/s more for each unit of V above it)"
         if found.change is not None:
@@ -126,5 +126,5 @@ class PolytopeLearned:
 
 def at_rates(changes: Sequence[float | None]) -> str:
     """Which rates a message speaks of."""
-    told = [f"{change:.3g}/T" for change in changes if change is not None]
-    return f" at rate {', '.join(told)}" if told else ""
+    listed = [f"{change:.3g}/T" for change in changes if change is not None]
+    return f" at rate {', '.join(listed)}" if listed else ""

@@ -16,7 +16,7 @@ from cfjax.planner.bends import Bends
 from cfjax.planner.map import Map
 from cfjax.planner.map_file import read_map
 from cfjax.planner.question import CHECKED, SOFT, Question, Stopwatch, Unproven, at_place
-from cfjax.planner.room import Limits, limits_of
+from cfjax.planner.room import PlanLimits, limits_of
 from cfjax.planner.search import Node
 from cfjax.problem import FootprintDisc, KinematicBicycle, Path, Pose, Vehicle
 from cfjax.problem.frames import QUARTER, RosPose, pose_from_ros
@@ -40,7 +40,7 @@ class Wanted(NamedTuple):
     vehicle: Vehicle | None
     tubes: Sequence[CertifiedTube] | None
     footprint: tuple[FootprintDisc, ...]
-    limits: Limits
+    limits: PlanLimits
     attempts: int
     name: str
 

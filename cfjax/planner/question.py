@@ -13,7 +13,7 @@ from cfjax.planner.bends import Bends
 from cfjax.planner.dubins import Arcs
 from cfjax.planner.field import Field, field_of
 from cfjax.planner.map import Map
-from cfjax.planner.room import Limits
+from cfjax.planner.room import PlanLimits
 from cfjax.planner.search import COARSE_GRAIN, FINE_GRAIN, Grain, Node, NoWay, Search
 from cfjax.planner.smooth import smoothed
 from cfjax.planner.widest import widest_gap
@@ -62,7 +62,7 @@ class Question:
     map: Map
     start: Node
     goal: Node
-    limits: Limits
+    limits: PlanLimits
 
     def check_ends(self) -> None:
         """Raises InputError where the body in its tube cannot stand at the start or at the goal."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from cfcheck.exact.rational import Range
 from cfjax.errors import InputError
-from cfjax.planner.search import Body
+from cfjax.planner.search import BodyDiscs
 from cfjax.problem import FootprintDisc
 from cfjax.tubes import CertifiedTube
 
@@ -20,19 +20,19 @@ BEND = 0.995  # of the tubes' bound of curvature, which a path may have
 ACCELERATION = 0.98  # of their bound of acceleration
 
 
-class Limits(NamedTuple):
+class PlanLimits(NamedTuple):
     """What a path keeps: 1/m, m/s, m/s² to the side and ahead; and the body that it is planned with."""
 
     curvature: float
     speed: float
     lateral: float
     acceleration: float
-    body: Body
+    body: BodyDiscs
 
 
 def limits_of(
     tubes: Sequence[CertifiedTube], speed: float, lateral: float, footprint: Sequence[FootprintDisc]
-) -> Limits:
+) -> PlanLimits:
     """The tightest bends that tubes hold at all speeds up to the one asked for, and the narrowest tubes that do.
 
     Raises:
@@ -48,8 +48,8 @@ def limits_of(
         if used and slowest <= in_bends and speed <= max(_speeds(tube)[1] for tube in used):
             ahead = ACCELERATION * min(_least(tube.bounds.acceleration) for tube in used)
             needs = [disc.radius + max(shadow(tube, disc) for tube in used) for disc in footprint]
-            body = Body(np.array([disc.offset for disc in footprint], float), np.array(needs))
-            return Limits(curvature, speed, lateral, ahead, body)
+            body = BodyDiscs(np.array([disc.offset for disc in footprint], float), np.array(needs))
+            return PlanLimits(curvature, speed, lateral, ahead, body)
     low, high = min(_speeds(tube)[0] for tube in tubes), max(_speeds(tube)[1] for tube in tubes)
     raise InputError(f"speed: expected {low:.4g} to {high:.4g} m/s, which the tubes hold, got {speed:g}")
 

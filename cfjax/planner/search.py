@@ -48,7 +48,7 @@ COARSE_GRAIN = Grain((-1.0, -0.5, 0.0, 0.5, 1.0), 0.75)
 FINE_GRAIN = Grain((-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0), 0.35)  # for roads that are hardly wider than the body
 
 
-class Body(NamedTuple):
+class BodyDiscs(NamedTuple):
     """Discs along the forward axis: offsets, and how far from obstacles each centre has to be (m)."""
 
     offset: Float[np.ndarray, " discs"]
@@ -90,7 +90,7 @@ class Search:
     """Ways for a body through a field, with at most a curvature (1/m); `soft` m to spare, wherever there is room."""
 
     def __init__(
-        self, field: Field, body: Body, goal: Node, curvature: float, soft: float, grain: Grain = COARSE_GRAIN
+        self, field: Field, body: BodyDiscs, goal: Node, curvature: float, soft: float, grain: Grain = COARSE_GRAIN
     ) -> None:
         self.field, self.body, self.goal, self.soft = field, body, goal, soft
         self.curvature = curvature
@@ -184,7 +184,7 @@ class Search:
             added = tree.add(node, end, [(bend, self.step)], float(prices[b, k]))
             heapq.heappush(queue, (tree.cost[added] + float(left[b, k]), added))
 
-    def _bent(self, place: np.ndarray, direction: np.ndarray, body: Body) -> tuple[np.ndarray, np.ndarray]:
+    def _bent(self, place: np.ndarray, direction: np.ndarray, body: BodyDiscs) -> tuple[np.ndarray, np.ndarray]:
         """Where the bends lead to from poses, and the room along them."""
         ahead = np.exp(1j * direction)[:, None, None]
         samples = place[:, None, None] + ahead * self.ways

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from cfjax.planner.bends import NODES, WEIGHTS, Bends
 from cfjax.planner.dubins import Arcs
 from cfjax.planner.field import Field
-from cfjax.planner.search import Body, Node
+from cfjax.planner.search import BodyDiscs, Node
 
 
 KNOT = 0.6  # radii of the tightest bend between knots
@@ -28,7 +28,7 @@ NEWTON_STEPS = 8
 
 
 def smoothed(
-    arcs: Arcs, start: Node, goal: Node, field: Field, body: Body, radius: float, spare: float
+    arcs: Arcs, start: Node, goal: Node, field: Field, body: BodyDiscs, radius: float, spare: float
 ) -> Bends | None:
     """A smooth way near given arcs, with a radius (m) or more and, beyond what the body needs, `spare` m beside it.
 
@@ -47,7 +47,7 @@ class _Fit:
     start: Node
     goal: Node
     field: Field
-    body: Body
+    body: BodyDiscs
     radius: float
     spare: float
     first_length: float

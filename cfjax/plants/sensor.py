@@ -1,7 +1,7 @@
-"""Sensors: what the controller is told of where the car is.
+"""Sensors: what the controller measures of where the car is.
 
 At each control instant t a pose that was taken τ = delay + jitter · U seconds ago arrives, with U uniform in [0, 1]:
-the car's state at t − τ, with a bias and fresh Gaussian noise. A sample may be dropped, and one that is older than the
+the car's state at t − τ, with a bias and fresh Gaussian noise. A sample may be lost, and one that is older than the
 last is of no use: then the last measurement stands. Before t = 0 the car stood where it started.
 
 States between two control instants are interpolated linearly, which is off by a h²/8 for an acceleration a.
@@ -26,7 +26,7 @@ FEWEST_REMEMBERED, MOST_REMEMBERED = 16, 4096  # control periods of delay
 
 
 class Measurement(NamedTuple):
-    """What a controller is told: a state (α, x, y, ξ…) in the world frame, and when it was taken (s)."""
+    """What a controller gets: a state (α, x, y, ξ…) in the world frame, and when it was taken (s)."""
 
     state: Float[Array, " n"]
     stamp: Float[Array, ""]
@@ -46,17 +46,17 @@ class Sensor(eqx.Module):
     bias: Float[Array, " n"] = eqx.field(converter=number)  # the same units; x and y in the world frame
     delay: Float[Array, ""] = eqx.field(converter=number, default=0.0)  # s
     jitter: Float[Array, ""] = eqx.field(converter=number, default=0.0)  # s
-    drop: Float[Array, ""] = eqx.field(converter=number, default=0.0)  # share of samples that do not arrive
+    loss: Float[Array, ""] = eqx.field(converter=number, default=0.0)  # share of samples that do not arrive
 
     def __check_init__(self) -> None:
         if isinstance(self.delay, Tracer):
             return
-        for value in (self.delay, self.jitter, self.drop):
+        for value in (self.delay, self.jitter, self.loss):
             if value.ndim:
-                refuse("noise", "one number for delay, jitter and drop each", value)
-        lowest = min(float(jnp.min(self.sigma)), float(self.delay), float(self.jitter), float(self.drop))
-        if not (lowest >= 0 and float(self.drop) <= 1):
-            raise InputError("noise: expected sigma, delay and jitter that are not negative, and a drop from 0 to 1")
+                refuse("noise", "one number for delay, jitter and loss each", value)
+        lowest = min(float(jnp.min(self.sigma)), float(self.delay), float(self.jitter), float(self.loss))
+        if not (lowest >= 0 and float(self.loss) <= 1):
+            raise InputError("noise: expected sigma, delay and jitter that are not negative, and a loss from 0 to 1")
 
     def remembered(self, period: float) -> int:
         """Control instants to remember: a power of two, so that few delays are compiled for anew.
@@ -70,7 +70,7 @@ class Sensor(eqx.Module):
         return max(FEWEST_REMEMBERED, 2 ** math.ceil(math.log2(needed)))
 
     def start(self, state: Float[Array, " n"], remembered: int) -> Memory:
-        """Before the first sample; what is told until one arrives is where the car was put."""
+        """Before the first sample; until one arrives the controller gets where the car was put."""
         return Memory(Measurement(state, number(0.0)), jnp.tile(state, (remembered, 1)))
 
     def measure(
@@ -78,7 +78,7 @@ class Sensor(eqx.Module):
     ) -> tuple[Measurement, Memory]:
         """One sample at a control instant (time and period in s)."""
         past = jnp.concatenate([truth[None], memory.past[:-1]])
-        key_late, key_drop, key_noise = jax.random.split(key, 3)
+        key_late, key_loss, key_noise = jax.random.split(key, 3)
         late = self.delay + self.jitter * jax.random.uniform(key_late)
         # a state from before the start is that of the start, of which `past` is full
         back = late / period
@@ -88,8 +88,8 @@ class Sensor(eqx.Module):
         noisy = state + self.bias + self.sigma * jax.random.normal(key_noise, truth.shape)
         fresh = Measurement(noisy, jnp.maximum(time - late, 0.0))
         first = time <= 0.0
-        dropped = jax.random.uniform(key_drop) < self.drop
-        arrives = first | (~dropped & (fresh.stamp > memory.last.stamp))
+        lost = jax.random.uniform(key_loss) < self.loss
+        arrives = first | (~lost & (fresh.stamp > memory.last.stamp))
         last = jax.tree.map(lambda new, old: jnp.where(arrives, new, old), fresh, memory.last)
         return last, Memory(last, past)
 

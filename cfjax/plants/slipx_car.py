@@ -49,10 +49,10 @@ class SlipX(HostPlant):
     def hold(self, own: Any, command: Float[np.ndarray, " m"], duration: float) -> Any:
         count = max(1, int(np.ceil(duration / STEP - 1e-9)))
         steer, thrust = map(float, command)
-        told = self._package.DriveInput(steer_cmd=steer, accel_cmd=thrust)
+        drive = self._package.DriveInput(steer_cmd=steer, accel_cmd=thrust)
         own = own.copy()
         for _ in range(count):
-            self._model.step(own, told, duration / count)
+            self._model.step(own, drive, duration / count)
         return own
 
     def observe(self, own: Any) -> Float[np.ndarray, " n"]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cfjax import coerce
-from cfjax.errors import InputError
+from cfjax.errors import InputError, renamed
 from cfjax.plants.commonroad import CommonRoad
 from cfjax.plants.host import HostPlant
 from cfjax.plants.model import KINDS, Disturbed, Kind, Model
@@ -32,9 +32,10 @@ WORDS: dict[str, Numbers] = {
     # an optical system in a hall: a millimetre, a sixth of a degree, speed by differences
     "mocap": {"heading": 3e-3, "position": 1e-3, "speed": 0.02},
     # poses over a wireless network: late, irregular, and sometimes not at all
-    "wifi": {"delay": 0.02, "jitter": 0.02, "drop": 0.05},
+    "wifi": {"delay": 0.02, "jitter": 0.02, "loss": 0.05},
 }
-NOISE_KEYS = (*POSE_KEYS, *BIAS_KEYS, "delay", "jitter", "drop")
+RENAMED = {"drop": "loss"}  # keys of noise, by their former names
+NOISE_KEYS = (*POSE_KEYS, *BIAS_KEYS, "delay", "jitter", "loss")
 
 
 def sensor_named(text: str, vehicle: Vehicle) -> Sensor:
@@ -48,6 +49,9 @@ def sensor_named(text: str, vehicle: Vehicle) -> Sensor:
     for part in filter(None, (part.strip() for part in coerce.text("noise", text).split(","))):
         if "=" in part:
             key, value = _pair("noise", part)
+            if key in RENAMED:
+                renamed(f"noise: {key}", RENAMED[key])
+                key = RENAMED[key]
             if key not in NOISE_KEYS:
                 raise InputError(f"noise: expected one of {', '.join(WORDS)}, or a key of {_listed()}; got {part}")
             numbers[key] = value
@@ -61,7 +65,7 @@ def sensor_named(text: str, vehicle: Vehicle) -> Sensor:
     return Sensor(
         np.array([heading, position, position, *(speed,) * internal]),
         np.array([*biases[:3], *(biases[3],) * internal]),
-        **{key: numbers.get(key, 0.0) for key in ("delay", "jitter", "drop")},
+        **{key: numbers.get(key, 0.0) for key in ("delay", "jitter", "loss")},
     )
 
 

@@ -25,7 +25,7 @@ from cfjax.problem.vehicle import Interval, Scalar, Twist, Vehicle
 DIGITS = 4  # of a gain that is computed: people read it, and a short number is proven faster
 
 
-class Asked(NamedTuple):
+class LawContext(NamedTuple):
     """What a law is for, as far as it may fit itself to it."""
 
     vehicle: Vehicle
@@ -48,7 +48,7 @@ class FeedbackLaw(abc.ABC):
         `speed_slope`.
         """
 
-    def fitted(self, asked: Asked) -> "FeedbackLaw":
+    def fitted(self, context: LawContext) -> "FeedbackLaw":
         """The law with what it takes from the question, a gain say.
 
         Raises:
@@ -88,13 +88,13 @@ class LinearLaw(FeedbackLaw):
             for rest, row in zip(self.centre, self.gain, strict=True)
         )
 
-    def fitted(self, asked: Asked) -> "LinearLaw":
-        if asked.reference is None:
+    def fitted(self, context: LawContext) -> "LinearLaw":
+        if context.reference is None:
             raise InputError("law=linear: expected a path that is one straight line or one circle")
-        gain = _regulator(asked, asked.reference) if self.gain is None else self.gain
-        centre = _holding(asked.vehicle, asked.reference)[1:] if self.centre is None else self.centre
-        count = len(asked.vehicle.input_names)
-        coerce.array("law.gain", gain, (count, len(asked.widths)))
+        gain = _regulator(context, context.reference) if self.gain is None else self.gain
+        centre = _holding(context.vehicle, context.reference)[1:] if self.centre is None else self.centre
+        count = len(context.vehicle.input_names)
+        coerce.array("law.gain", gain, (count, len(context.widths)))
         coerce.array("law.centre", centre, (count,))
         return replace(self, gain=gain, centre=centre)
 
@@ -104,7 +104,7 @@ def _holding(vehicle: Vehicle, point: ReferencePoint) -> tuple[float, ...]:
     return tuple(float(entry) + 0.0 for entry in feedforward(vehicle, point))  # no −0
 
 
-def _regulator(asked: Asked, point: ReferencePoint) -> tuple[tuple[float, ...], ...]:
+def _regulator(context: LawContext, point: ReferencePoint) -> tuple[tuple[float, ...], ...]:
     """K of the linear-quadratic regulator about the reference; u0 is one of its inputs where it is free.
 
     Raises:
@@ -112,7 +112,7 @@ def _regulator(asked: Asked, point: ReferencePoint) -> tuple[tuple[float, ...], 
     """
     import scipy.linalg  # brought only where it is needed, as curves bring it
 
-    vehicle, size, width = asked.vehicle, len(asked.widths), np.array(asked.widths)
+    vehicle, size, width = context.vehicle, len(context.widths), np.array(context.widths)
     centre = np.array(_holding(vehicle, point))
     _, columns = affine_deviation(vehicle, np.zeros(size), point)
     step = 1e-6 * width
@@ -122,7 +122,7 @@ def _regulator(asked: Asked, point: ReferencePoint) -> tuple[tuple[float, ...], 
         return np.asarray(drift) + np.asarray(columns) @ centre
 
     a = np.stack([(rate(e) - rate(-e)) / (2 * h) for e, h in zip(np.diag(step), step, strict=True)], axis=1)
-    half = np.array([limits.half for limits in asked.inputs])
+    half = np.array([limits.half for limits in context.inputs])
     free = half > 0
     b = np.asarray(columns)[:, free]
     try:

@@ -20,7 +20,7 @@ from cfjax import coerce
 from cfjax.coerce import Number
 from cfjax.errors import InputError
 from cfjax.problem.deviation import ReferencePoint
-from cfjax.problem.feedback import Asked, FeedbackLaw
+from cfjax.problem.feedback import FeedbackLaw, LawContext
 from cfjax.problem.vehicle import Scalar, Vehicle
 
 
@@ -45,12 +45,12 @@ class GeometricLaw(FeedbackLaw):
         bend = None if curvature is None else coerce.number("law.curvature", curvature, "1/m")
         coerce.keep(self, speed_gain=coerce.number("law.speed_gain", speed_gain, "1/s", least=0), curvature=bend)
 
-    def fitted(self, asked: Asked) -> "GeometricLaw":
-        if asked.vehicle.input_names not in STEERED or not hasattr(asked.vehicle, "wheelbase"):
+    def fitted(self, context: LawContext) -> "GeometricLaw":
+        if context.vehicle.input_names not in STEERED or not hasattr(context.vehicle, "wheelbase"):
             raise InputError(f"law={self.name}: expected a car with a wheelbase that is steered by w, got others")
-        if asked.reference is None:
+        if context.reference is None:
             raise InputError(f"law={self.name}: expected a path that is one straight line or one circle")
-        return replace(self, curvature=float(asked.reference.turn_rate / asked.reference.speed))
+        return replace(self, curvature=float(context.reference.turn_rate / context.reference.speed))
 
     def inputs(self, vehicle: Vehicle, x: Sequence[Scalar], reference: ReferencePoint) -> tuple[Scalar, ...]:
         alpha, px, py, *internal = x

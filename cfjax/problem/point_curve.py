@@ -27,7 +27,7 @@ SHARPEST = 0.5  # rad between two samples: a cusp, whatever the curvature at the
 ALIKE = 1e-9  # relative: bends that differ by less are equally tight
 
 
-class Limits(NamedTuple):
+class PathLimits(NamedTuple):
     """What the path keeps."""
 
     speed: float | None  # m/s
@@ -137,7 +137,7 @@ def samples(curve: Curve) -> Float[np.ndarray, " n"]:
     return np.unique(np.linspace(knots[:-1], knots[1:], SAMPLES_PER_POINT + 1))
 
 
-def check_bends(route: Route, curve: Curve, limits: Limits) -> None:
+def check_bends(route: Route, curve: Curve, limits: PathLimits) -> None:
     """Raises Rough where the curve bends more than the steering allows, or turns on the spot."""
     points, u = route.points, samples(curve)
     first = curve.first(u)

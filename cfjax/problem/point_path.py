@@ -18,7 +18,7 @@ from cfjax.coerce import Number
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve, path_along
 from cfjax.problem.path import Edges, Path, length_of, speed_of
-from cfjax.problem.point_curve import Limits, Rough, check_bends, curve_through, samples
+from cfjax.problem.point_curve import PathLimits, Rough, check_bends, curve_through, samples
 from cfjax.problem.point_speed import looked_at, slowed, speed_along, speed_cap
 from cfjax.problem.points import LONGEST, Points, Source, at, metres, read_points
 from cfjax.problem.route import Route, route_of
@@ -115,7 +115,7 @@ def waypoints(
         thrust = min(thrust, acceleration)
     elif car is None:
         raise InputError(f"path.acceleration: expected a number, as the thrust of a {vehicle.name} is not known")
-    limits = Limits(speed, lateral_acceleration, thrust, reserve, car)
+    limits = PathLimits(speed, lateral_acceleration, thrust, reserve, car)
     _check_size(route.points, car)
     _check_smoothing(route.points, smoothing)
     try:
@@ -126,7 +126,7 @@ def waypoints(
         raise InputError(f"{rough}{way_out or _short(route, car)}") from None
 
 
-def _path(route: Route, limits: Limits, segment_length: float | None, smoothing: float) -> Path:
+def _path(route: Route, limits: PathLimits, segment_length: float | None, smoothing: float) -> Path:
     points, closed = route.points, route.closed
     curve, knots = curve_through(points, closed, smoothing)
     check_bends(route, curve, limits)
@@ -162,7 +162,7 @@ def _edges(points: Points, curve: Curve, knots: np.ndarray) -> Edges | None:
 # --- what is said of the points
 
 
-def _account(route: Route, path: Path, curve: Curve, limits: Limits, smoothing: float) -> str:
+def _account(route: Route, path: Path, curve: Curve, limits: PathLimits, smoothing: float) -> str:
     """How the points were taken, in one line."""
     points, meaning = route.points, route.points.meaning
     polynomials = [segment.speed.polynomial for segment in path.curve]
@@ -244,7 +244,7 @@ def _check_smoothing(points: Points, smoothing: float) -> None:
         )
 
 
-def _large(route: Route, curve: Curve, limits: Limits) -> str:
+def _large(route: Route, curve: Curve, limits: PathLimits) -> str:
     """Why the points may be in a smaller unit than m, where nobody said it; empty where nothing speaks for it."""
     car, points = limits.car, route.points
     if car is None or points.meaning.units:
@@ -298,7 +298,7 @@ def _check_back(route: Route) -> None:
             )
 
 
-def _way_out(route: Route, limits: Limits, segment_length: float | None, smoothing: float) -> str:
+def _way_out(route: Route, limits: PathLimits, segment_length: float | None, smoothing: float) -> str:
     """The least smoothing with which these very points make a path, for the message; empty where none does."""
     spacing = float(np.median(np.abs(np.diff(route.points.place))))
     if len(route.points.place) > MOST_SMOOTHED:

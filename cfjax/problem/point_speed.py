@@ -21,7 +21,7 @@ from scipy.ndimage import minimum_filter1d
 from cfjax.errors import InputError
 from cfjax.problem.curves import Curve
 from cfjax.problem.path import Path, Profile, Segment
-from cfjax.problem.point_curve import Limits
+from cfjax.problem.point_curve import PathLimits
 from cfjax.problem.points import Points
 
 
@@ -45,7 +45,7 @@ def speed_cap(rows: Points, curve: Curve, knots: np.ndarray, closed: bool, speed
     return PPoly(np.stack([np.diff(wanted) / np.diff(at), wanted[:-1]]), at)
 
 
-def speed_along(curve: Curve, cap: PPoly, limits: Limits, closed: bool) -> float | PPoly:
+def speed_along(curve: Curve, cap: PPoly, limits: PathLimits, closed: bool) -> float | PPoly:
     """v (m/s) by arc length (m), once continuously differentiable, or the one constant speed."""
     length = curve.length
     count = max(GRID, math.ceil(length / (limits.scale * CELL)))

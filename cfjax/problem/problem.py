@@ -10,7 +10,7 @@ import numpy as np
 
 from cfjax import coerce
 from cfjax.coerce import Number, Numbers
-from cfjax.errors import InputError
+from cfjax.errors import InputError, renamed
 from cfjax.problem.corridor import walls_of
 from cfjax.problem.deviation import (
     FEW,
@@ -18,7 +18,7 @@ from cfjax.problem.deviation import (
     affine_deviation,
     held,
 )
-from cfjax.problem.feedback import Asked, FeedbackLaw, Steered
+from cfjax.problem.feedback import FeedbackLaw, LawContext, Steered
 from cfjax.problem.obstacles import FootprintDisc, Obstacle, footprint_of, obstacles_of
 from cfjax.problem.path import Path
 from cfjax.problem.room import nearest, require_clear
@@ -81,7 +81,8 @@ class Problem:
         corridor: S too: walls left and right of the path, which become obstacles (`cfjax.problem.corridor.walls_of`): a
             half-width (m), {"left": …, "right": …} with half-widths, points or files of points, or "file" for the
             widths in the path's own file.
-        authority: how far a law may go from what the reference needs towards the inputs' limits, above 0 and at most 1.
+        input_share: the share of the input range that a law may use, above 0 and at most 1: how far it may go from what
+            the reference needs towards each limit.
         law: the feedback law that gives the vehicle's inputs, limited to their intervals; u0 stays as `method` has it.
             None: V is to fall with the best inputs.
 
@@ -99,7 +100,7 @@ class Problem:
     vehicle: Vehicle
     method: Method
     timing: Interval
-    authority: float
+    input_share: float
     law: FeedbackLaw | None
 
     def __init__(
@@ -113,10 +114,15 @@ class Problem:
         vehicle: Vehicle = KinematicBicycle(),
         method: Method | str = Method.PF,
         timing: Interval | Numbers = TIMING,
-        authority: Number = 1.0,
+        input_share: Number = 1.0,
         corridor: object = None,
         law: FeedbackLaw | None = None,
+        *,
+        authority: Number | None = None,  # the former name of `input_share`
     ) -> None:
+        if authority is not None:
+            renamed("authority", "input_share")
+            input_share = authority
         states = coerce.instance("vehicle", vehicle, Vehicle).state_names
         coerce.keep(
             self,
@@ -129,7 +135,7 @@ class Problem:
             vehicle=vehicle,
             method=coerce.choice("method", method, Method),
             timing=interval("timing", timing),
-            authority=coerce.number("authority", authority, above=0, most=1),
+            input_share=coerce.number("input_share", input_share, above=0, most=1),
             law=coerce.optional("law", law, FeedbackLaw),
         )
         self._check_sets()
@@ -140,8 +146,8 @@ class Problem:
         self._check_references()
         self._check_obstacles()
         if self.law is not None:
-            asked = Asked(self.vehicle, self.path.steady_reference, self.inputs, self.inlet.half_axes)
-            coerce.keep(self, law=self.law.fitted(asked))
+            context = LawContext(self.vehicle, self.path.steady_reference, self.inputs, self.inlet.half_axes)
+            coerce.keep(self, law=self.law.fitted(context))
 
     def _check_sets(self) -> None:
         states, heading = self.vehicle.state_names, self.inlet.half_axes[0]
@@ -166,15 +172,15 @@ class Problem:
     def inputs(self) -> tuple[Interval, ...]:
         """The input box (u0, *vehicle inputs) that a law may use; u0 = 1 for trajectory tracking.
 
-        With an `authority` below 1 it is so much smaller, around what the reference needs along the path: inputs that
-        stay closer to it change the rate of V less, and may be held longer.
+        With an `input_share` below 1 the box is that much smaller, around what the reference needs along the path.
+        Inputs that stay closer to it change the rate of V less, and may be held longer.
         """
         timing = {Method.PF: self.timing, Method.TT: Interval(1.0, 1.0)}[self.method]
         limits = (timing, *self.vehicle.input_box)
-        if self.authority == 1:
+        if self.input_share == 1:
             return limits
         return tuple(
-            Interval(low - self.authority * (low - box.lower), high + self.authority * (box.upper - high))
+            Interval(low - self.input_share * (low - box.lower), high + self.input_share * (box.upper - high))
             for box, (low, high) in zip(limits, self._needed, strict=True)
         )
 

@@ -269,10 +269,10 @@ def _shorter(length: float) -> str:
 
 def _steering(tangent: float) -> str:
     """The tangent of a steering angle with its angle, and what it would be if it were an angle, for messages."""
-    told = f"{tangent:g}, an angle of {math.degrees(math.atan(tangent)):.3g} degrees"
+    text = f"{tangent:g}, an angle of {math.degrees(math.atan(tangent)):.3g} degrees"
     if tangent < 90:
-        told += f"; {tangent:g} degrees have the tangent {math.tan(math.radians(tangent)):.4g}"
-    return told
+        text += f"; {tangent:g} degrees have the tangent {math.tan(math.radians(tangent)):.4g}"
+    return text
 
 
 def numbers_of(vehicle: Vehicle) -> dict[str, Any]:

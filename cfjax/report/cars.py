@@ -14,7 +14,7 @@ ROW_LENGTH = 0.2  # m of the path, where that many rows are enough
 SHOWN_WAY, UNDRIVEN_WAY = 60.0, 18.0  # of one path in a tube, in its lateral half-widths: enough to see it turn
 
 
-class Car(NamedTuple):
+class CarTrace(NamedTuple):
     """One car's way: arrays of t."""
 
     number: int
@@ -25,7 +25,7 @@ class Car(NamedTuple):
     inputs: Float[np.ndarray, "t m"]  # (u0, *vehicle inputs)
 
 
-def cars_of(result: Result, course: PathPoses | None, points: int) -> list[Car]:
+def cars_of(result: Result, course: PathPoses | None, points: int) -> list[CarTrace]:
     """The recorded cars, thinned to so many points of all together; none where none were driven.
 
     `course` is the path's, or None for a tube.
@@ -33,7 +33,7 @@ def cars_of(result: Result, course: PathPoses | None, points: int) -> list[Car]:
     return [car for cars in result.rollouts for car in _cars(course, cars, points)]
 
 
-def _cars(course: PathPoses | None, cars: Rollouts, points: int) -> list[Car]:
+def _cars(course: PathPoses | None, cars: Rollouts, points: int) -> list[CarTrace]:
     along = cars.theta if cars.reference is None else ways_of(cars)
     way = float(along[-1].max())
     if course is not None:
@@ -50,7 +50,7 @@ def _cars(course: PathPoses | None, cars: Rollouts, points: int) -> list[Car]:
         else:
             assert course is not None
             poses = course(theta)
-        found.append(Car(car + 1, clock, along[kept, car], value, positions(poses, x), inputs))
+        found.append(CarTrace(car + 1, clock, along[kept, car], value, positions(poses, x), inputs))
     return found
 
 

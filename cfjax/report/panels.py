@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cfjax.funnel import Funnel
-from cfjax.report.cars import Car, cars_of, ride_of
+from cfjax.report.cars import CarTrace, cars_of, ride_of
 from cfjax.report.marks import (
     BEYOND,
     CAR_STARTS,
@@ -53,7 +53,7 @@ class Shown(NamedTuple):
     """All panels of a result by what they are about, and what they were made from."""
 
     plane: Plane | None  # None for a tube
-    cars: list[Car]
+    cars: list[CarTrace]
     panels: dict[str, list[Panel]]  # plane, values, inputs, profile, margins, sections: those that say something
 
 
@@ -77,7 +77,7 @@ def shown_of(result: Result, points: int) -> Shown:
     return Shown(plane, cars, {name: found for name, found in panels.items() if found})
 
 
-def value_panel(result: Result, cars: list[Car]) -> Panel:
+def value_panel(result: Result, cars: list[CarTrace]) -> Panel:
     """V along the ways of the cars."""
     values = [car.value for car in cars]
     band, note = shell(result.segments[0].funnel)
@@ -97,7 +97,7 @@ def shell(funnel: Funnel) -> tuple[Band, Note]:
     return Band(SHELL, funnel.beta_lower, 1.0), Note(f"shell V ∈ [{lower}, 1]: V̇ ≤ −λ", funnel.beta_lower)
 
 
-def input_panels(result: Result, cars: list[Car]) -> Iterator[Panel]:
+def input_panels(result: Result, cars: list[CarTrace]) -> Iterator[Panel]:
     """What the law asks of each input, between its limits."""
     problem = result.problem
     for k, (name, box) in enumerate(zip(("u0", *problem.vehicle.input_names), problem.inputs, strict=True)):
@@ -200,7 +200,7 @@ def tube_panel(result: Result) -> Panel:
     return Panel("plane", Axis("m"), Axis("m"), marks, equal=True)
 
 
-def _way(result: Result, cars: Sequence[Car] = ()) -> Axis:
+def _way(result: Result, cars: Sequence[CarTrace] = ()) -> Axis:
     """Along the reference: of a tube, whose paths differ in length, as far as half of the cars come."""
     if result.problem.path.tube:
         return Axis("way of the reference (m)", (0.0, float(np.median([car.along[-1] for car in cars]))))
@@ -214,7 +214,7 @@ def _places(result: Result) -> list[Band]:
     return [*failed, *(Band(JOINT, at, at, upright=True) for at in joints if len(joints) <= MOST_JOINTS)]
 
 
-def _curves(cars: list[Car], values: list[np.ndarray]) -> Lines:
+def _curves(cars: list[CarTrace], values: list[np.ndarray]) -> Lines:
     return Lines(CARS, [np.stack([car.along, own], axis=-1) for car, own in zip(cars, values, strict=True)], each="car")
 
 

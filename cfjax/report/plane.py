@@ -169,11 +169,11 @@ class Plane:
             if self.obstacles:
                 bodies.append(body_region(funnel, own, poses, problem.footprint))
         self.funnel, self.body = shapely.union_all(funnels), shapely.union_all(bodies)
-        self.asked = _asked(problem, self.course, self.end) if result.segments else {}
+        self.set_outlines = _set_outlines(problem, self.course, self.end) if result.segments else {}
 
     def view(self, ways: Sequence[Points]) -> tuple[float, float, float, float]:
         """Lower and upper end in x and y (m): all, and the ways of cars, but for obstacles that reach far."""
-        shapes = [self.funnel, self.body, *map(shapely.linestrings, (self.line, *self.asked.values()))]
+        shapes = [self.funnel, self.body, *map(shapely.linestrings, (self.line, *self.set_outlines.values()))]
         ends = np.array(shapely.GeometryCollection(shapes).bounds)
         for way in ways:
             ends = _around(ends, np.concatenate([way.min(axis=0), way.max(axis=0)]))
@@ -200,7 +200,7 @@ class Plane:
             few = len(self.starts) <= MOST_RINGS
             marks += [Lines(LATER_START, self.starts[1:]), Lines(EARLIER_END, self.ends[:-1])] if few else []
             marks += [_ring(START, self.starts[0], 0.0), _ring(END, self.ends[-1], self.end)]
-        marks += [_ring(kind, ring, 0.0 if kind is INLET else self.end) for kind, ring in self.asked.items()]
+        marks += [_ring(kind, ring, 0.0 if kind is INLET else self.end) for kind, ring in self.set_outlines.items()]
         marks += self._failed()
         marks += self._worst()
         across, up = Axis("x (m)", (x0, x1)), Axis("y (m)", (y0, y1))
@@ -235,7 +235,7 @@ def _ring(kind: Kind, ring: Points, theta: float) -> Lines:
     return Lines(kind, [ring], [np.full(len(ring), theta)])
 
 
-def _asked(problem: Problem, course: PathPoses, end: float) -> dict[Kind, Float[np.ndarray, "96 2"]]:
+def _set_outlines(problem: Problem, course: PathPoses, end: float) -> dict[Kind, Float[np.ndarray, "96 2"]]:
     """Outlines (m, inertial frame) of I where the path begins and of G where it ends: of their positions."""
     found = {}
     sets = ((INLET, problem.inlet), (GOAL, problem.goal))

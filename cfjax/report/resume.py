@@ -30,14 +30,14 @@ AT_WORK = threading.Lock()  # held while this process is busy with a job
 
 def sweep_identity(overrides: Sequence[str]) -> dict[str, object]:
     """What decides the results of a sweep; how jobs are launched (hydra's own keys) does not."""
-    asked = [override for override in overrides if not re.match(r"[+~]*hydra[./]", override)]
+    given = [override for override in overrides if not re.match(r"[+~]*hydra[./]", override)]
     files = {
         value: hashlib.sha256(Path(value).read_bytes()).hexdigest()
-        for override in asked
+        for override in given
         for value in values_of(override)
         if value and Path(value).is_file()
     }
-    return {"overrides": asked, "files": files, "versions": versions()}
+    return {"overrides": given, "files": files, "versions": versions()}
 
 
 def sweep_name(identity: dict[str, object]) -> str:

@@ -70,7 +70,7 @@ Check = Callable[[Path], Report]
 
 
 @dataclasses.dataclass(frozen=True)
-class Asked:
+class RequiredPeriod:
     """What a run has to prove beside a funnel: period and delay (s); and the configuration that does not ask for it."""
 
     period: float
@@ -94,7 +94,7 @@ def write_run(
     frame: Frame = Frame.PAPER,
     page: Callable[[Result, Path], None] | None = None,
     progress: Progress | None = None,
-    asked: Asked | None = None,
+    required: RequiredPeriod | None = None,
 ) -> Result:
     """Write all files of a run into `folder` and return the result as it was written.
 
@@ -138,11 +138,11 @@ def write_run(
                     with clock.stage("robustness"):
                         result, why = _write_robustness(result, folder, harden, check)
             finally:
-                if asked is not None:
+                if required is not None:
                     # nothing is claimed from here on: whatever stops the writing, the run is not certified
-                    proven, result = result, held_to(result, asked.period, asked.delay, why)
+                    proven, result = result, held_to(result, required.period, required.delay, why)
                     if result is not proven:
-                        _write_without_period(asked, proven, folder, again)
+                        _write_without_period(required, proven, folder, again)
                         message = f"{result.message}; what is proven stands in the folder {WITHOUT_PERIOD}"
                         result = result.replace(message=message)
             if drive is not None:
@@ -169,7 +169,7 @@ def _clear(folder: Path) -> None:
                 path.unlink(missing_ok=True)
 
 
-def _write_without_period(asked: Asked, proven: Result, folder: Path, again: Callable[..., Result]) -> None:
+def _write_without_period(required: RequiredPeriod, proven: Result, folder: Path, again: Callable[..., Result]) -> None:
     """A run of its own from what is proven, but not as asked; nothing in the folder itself claims it any more.
 
     `again` writes a run as this one is written.
@@ -177,7 +177,7 @@ def _write_without_period(asked: Asked, proven: Result, folder: Path, again: Cal
     try:
         hints = Hints(read_json(folder / ROBUSTNESS)) if proven.robustness else None
         less = proven.replace(robustness=None, command=None)
-        again(less, folder / WITHOUT_PERIOD, asked.config_yaml, harden=hints and (lambda _: hints))
+        again(less, folder / WITHOUT_PERIOD, required.config_yaml, harden=hints and (lambda _: hints))
     finally:
         for name in (CERTIFICATE, ROBUSTNESS):
             (folder / name).unlink(missing_ok=True)
@@ -189,7 +189,7 @@ def keep_elsewhere(
     config_yaml: str,
     points: bytes | None = None,
     frame: Frame = Frame.PAPER,
-    asked: Asked | None = None,
+    required: RequiredPeriod | None = None,
 ) -> tuple[Result, Path]:
     """The run that `folder` did not take, in a new folder where the system has room: without picture, page and cars.
 
@@ -210,15 +210,15 @@ def keep_elsewhere(
             harden=again,
             points=points,
             frame=frame,
-            asked=asked,
+            required=required,
         ), elsewhere
     except (OSError, NotWritten):
         pass
     with suppress(OSError, InputError):
         if result.document is not None and (folder / CERTIFICATE).read_bytes() == dump(result.document).encode():
             proven = as_proven(result, lambda: check_file(folder), str(folder / RESULT))
-            if asked is not None:
-                proven = held_to(proven, asked.period, asked.delay)
+            if required is not None:
+                proven = held_to(proven, required.period, required.delay)
             raise NotWritten(f"{lost}; {CERTIFICATE} is there, {RESULT} is not", proven)
     if result.verdict in PROVES:
         message = "a proof that was found could be written nowhere, so that nothing is certified"
@@ -255,8 +255,8 @@ def confirmed(result: Result, folder: Path, check: Check = check_file) -> Result
     """
     proven, config = as_proven(result, lambda: check(folder), str(folder / RESULT)), read_config(folder)
     if held_to(proven, config.period, config.delay) is not proven:
-        asked = f"period={config.period:g}" + (f" and delay={config.delay:g}" if config.delay else "")
-        raise InputError(f"{folder / ROBUSTNESS}: expected a proof of {asked}, which {CONFIG} asks for")
+        required = f"period={config.period:g}" + (f" and delay={config.delay:g}" if config.delay else "")
+        raise InputError(f"{folder / ROBUSTNESS}: expected a proof of {required}, which {CONFIG} asks for")
     return proven
 
 

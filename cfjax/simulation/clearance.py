@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float
 from cfjax.problem import FootprintDisc, Obstacle
 
 
-class Surroundings(NamedTuple):
+class ObstacleArrays(NamedTuple):
     """Obstacles (m, inertial frame) and the discs of the body (m, its own frame) as arrays."""
 
     corners: Float[Array, "o m 2"]  # counter-clockwise; the last one again, where an obstacle has fewer than others
@@ -23,12 +23,12 @@ class Surroundings(NamedTuple):
     offset: Float[Array, " d"]
 
 
-def surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> Surroundings:
+def surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> ObstacleArrays:
     """At least one obstacle and one disc."""
     hulls = [hull for obstacle in obstacles for hull in obstacle.hulls]
     longest = max(len(hull.corners) for hull in hulls)
     corners = ([*hull.corners, *hull.corners[-1:] * (longest - len(hull.corners))] for hull in hulls)
-    return Surroundings(
+    return ObstacleArrays(
         jnp.array(list(corners), float),
         jnp.array([float(hull.round) for hull in hulls]),
         jnp.array([len(hull.corners) > 2 for hull in hulls]),
@@ -37,7 +37,7 @@ def surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDis
     )
 
 
-def distance(around: Surroundings, x: Float[Array, " k"], y: Float[Array, " k"]) -> Float[Array, " k"]:
+def distance(around: ObstacleArrays, x: Float[Array, " k"], y: Float[Array, " k"]) -> Float[Array, " k"]:
     """Distance (m) of points from the nearest obstacle, below zero inside one."""
     a = around.corners
     edge = jnp.roll(a, -1, axis=1) - a
@@ -50,7 +50,7 @@ def distance(around: Surroundings, x: Float[Array, " k"], y: Float[Array, " k"])
     return jnp.min(jnp.where(inside, -apart, apart) - around.round[None], axis=1)
 
 
-def clearance(around: Surroundings, pose: Sequence[Array], x: Sequence[Array]) -> Float[Array, " k"]:
+def clearance(around: ObstacleArrays, pose: Sequence[Array], x: Sequence[Array]) -> Float[Array, " k"]:
     """Distance (m) between the body and the nearest obstacle, below zero where they overlap.
 
     `pose` is the reference's, heading (rad) and position (m), `x` the deviation from it in its frame: arrays of k.

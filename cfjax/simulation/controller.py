@@ -96,9 +96,9 @@ class HoldFollower(Controller):
         x = predict(vehicle, now.point, sent, age, seen)
         pace, *inputs = choose_for_hold(vehicle, track.template, self.numbers, now.point, now.since, x).inputs
         command = vehicle.command(tuple(inputs))
-        told = jnp.stack([jnp.asarray(entry, float) for entry in command])
+        commanded = jnp.stack([jnp.asarray(entry, float) for entry in command])
         held = jnp.stack([pace, *inputs])
-        return told, Sending(theta + self.period * pace, sent.then(held, self.period))
+        return commanded, Sending(theta + self.period * pace, sent.then(held, self.period))
 
     def theta(self, memory: Sending) -> Float[Array, ""]:
         return memory.theta

@@ -26,7 +26,7 @@ from cfjax.problem import Problem, Vehicle
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 from cfjax.problem.traced_vehicle import traced_vehicle
 from cfjax.result import ClosedLoop, Rollouts
-from cfjax.simulation.clearance import Surroundings, clearance, surroundings
+from cfjax.simulation.clearance import ObstacleArrays, clearance, surroundings
 from cfjax.simulation.loop import (
     MOST_ROWS,
     RECORDED,
@@ -95,7 +95,7 @@ def drive(
     stride: int,
     legs: Legs,
     profiles: Pieces,
-    obstacles: tuple[Pieces, Surroundings] | None,
+    obstacles: tuple[Pieces, ObstacleArrays] | None,
     starts: Float[Array, "k n"],
     limit: Int[Array, ""],
     every: Int[Array, ""],
@@ -221,7 +221,7 @@ class _Launch(NamedTuple):
     """A question to `drive`: the compiled program, and what it is given for each share of the cars."""
 
     program: Traced
-    arguments: list[tuple[Legs, Pieces, tuple[Pieces, Surroundings] | None, Float[np.ndarray, "k n"], int, int]]
+    arguments: list[tuple[Legs, Pieces, tuple[Pieces, ObstacleArrays] | None, Float[np.ndarray, "k n"], int, int]]
 
     @property
     def end(self) -> float:
@@ -271,8 +271,8 @@ def prepare_cars(problem: Problem, template: Template, *, cars: int, law: Law | 
         Leg(float(end), Funnel(template, shape, 0.0, segment.duration), 1.0)
         for segment, end in zip(course, ends, strict=True)
     ]
-    asked = _launch(problem, legs, cars, 0, law)
-    asked.program.prepare(*asked.arguments[0])
+    launch = _launch(problem, legs, cars, 0, law)
+    launch.program.prepare(*launch.arguments[0])
 
 
 def drive_cars(
@@ -299,11 +299,11 @@ def drive_cars(
         if leg.margin_per_metre <= 0:
             raise InputError("legs: expected one with a margin per metre, as tubes have, got one without")
         return drive_tube_cars(problem, leg.funnel, leg.margin, leg.margin_per_metre, cars=cars, seed=seed)
-    asked = _launch(problem, legs, cars, seed, law)
-    (last, _, clear), history = asked.answer()
+    launch = _launch(problem, legs, cars, seed, law)
+    (last, _, clear), history = launch.answer()
     rows = 1 + int((history.clock < history.clock[-1]).any(axis=1).sum())
     goal = np.stack(last.x, axis=-1) / np.array(problem.goal_axes)
-    arrived = last.theta >= asked.end
+    arrived = last.theta >= launch.end
     largest, clock = last.largest_value, last.clock[arrived]
     inside = (last.worst_safe <= 1 + ROUNDING) & (clear >= -ROUNDING)
     summary = ClosedLoop(

@@ -29,7 +29,7 @@ from cfjax.errors import InputError
 from cfjax.funnel import Leg
 from cfjax.plants import HostPlant, Plant, Scene, Sensor, perfect
 from cfjax.problem import Problem
-from cfjax.simulation.clearance import Surroundings, clearance, surroundings
+from cfjax.simulation.clearance import ObstacleArrays, clearance, surroundings
 from cfjax.simulation.controller import Controller
 from cfjax.simulation.loop import RECORDED, ROUNDING
 from cfjax.simulation.track import Track, track_of
@@ -44,7 +44,7 @@ MOST_SOLVER_STEPS = 10_000  # per hold
 EVENT = 1e-10  # s, relative and absolute: of the instant at which a car leaves S
 
 
-class Car(NamedTuple):
+class CarState(NamedTuple):
     """One car on its way; the loop holds arrays of k of everything."""
 
     memory: Any  # the controller's
@@ -74,7 +74,7 @@ class Held(NamedTuple):
     duration: Float[Array, ""]  # s: h, or less where the car arrives
 
 
-class Record(NamedTuple):
+class ControlSample(NamedTuple):
     """Arrays: of one car at a control instant, with the command that it then holds."""
 
     clock: Any
@@ -95,7 +95,7 @@ class World(eqx.Module):
     period: Float[Array, ""]
     lower: Float[Array, " m"]  # of the command
     upper: Float[Array, " m"]
-    around: Surroundings | None
+    around: ObstacleArrays | None
     limit: Float[Array, ""]  # s
     stops: bool = eqx.field(static=True)  # where it leaves S
     boxed: bool = eqx.field(static=True)
@@ -241,7 +241,7 @@ def command_limits(problem: Problem) -> tuple[Float[np.ndarray, " m"], Float[np.
 # --- one car, one instant
 
 
-def _look(world: World, car: Car, duration: Array) -> Car:
+def _look(world: World, car: CarState, duration: Array) -> CarState:
     """Where the car is now, `duration` s after it was last looked at."""
     track = world.track
     place = track.at(car.theta)
@@ -268,12 +268,12 @@ def _safe_share(track: Track, x: Array) -> Array:
 
 
 @eqx.filter_jit
-def _put(world: World, states: Array, theta: Array, remembered: int) -> Car:
+def _put(world: World, states: Array, theta: Array, remembered: int) -> CarState:
     """The cars at their starts."""
 
-    def one(state: Array, begin: Array) -> Car:
+    def one(state: Array, begin: Array) -> CarState:
         zero, no = jnp.zeros(()), jnp.zeros((), bool)
-        car = Car(
+        car = CarState(
             memory=world.controller.start(state, begin),
             sensor=world.sensor.start(state, remembered),
             state=state,
@@ -295,12 +295,12 @@ def _put(world: World, states: Array, theta: Array, remembered: int) -> Car:
     return jax.vmap(one)(states, theta)
 
 
-def _decide(world: World, car: Car, key: PRNGKeyArray) -> tuple[Car, Held]:
+def _decide(world: World, car: CarState, key: PRNGKeyArray) -> tuple[CarState, Held]:
     """Measure, act, and see how long the command is held."""
     seen, sensor = world.sensor.measure(key, car.state, car.sensor, car.clock, world.period)
     begin = world.controller.theta(car.memory)
-    told, memory = world.controller.act(seen, car.memory, car.clock)
-    command = jnp.clip(told, world.lower, world.upper)
+    commanded, memory = world.controller.act(seen, car.memory, car.clock)
+    command = jnp.clip(commanded, world.lower, world.upper)
     pace = (world.controller.theta(memory) - begin) / world.period
     left = (world.track.end - begin) / jnp.where(pace > 0, pace, 1.0)
     duration = jnp.where(pace > 0, jnp.clip(left, 0.0, world.period), world.period)
@@ -311,7 +311,7 @@ def _decide(world: World, car: Car, key: PRNGKeyArray) -> tuple[Car, Held]:
     return _chosen(car.active, after, car), Held(command, seen.state, begin, pace, duration)
 
 
-def _moved(world: World, car: Car, held: Held, state: Array, since: Array, spent: Array, left: Array) -> Car:
+def _moved(world: World, car: CarState, held: Held, state: Array, since: Array, spent: Array, left: Array) -> CarState:
     """The car after `spent` s that began `since` s into the hold; `left`: it was stopped where it left S."""
     finite = jnp.all(jnp.isfinite(state)) & jnp.all(jnp.isfinite(held.command)) & jnp.isfinite(held.pace)
     spent = jnp.where(finite, spent, 0.0)
@@ -326,7 +326,7 @@ def _moved(world: World, car: Car, held: Held, state: Array, since: Array, spent
     return _chosen(car.active, moved, car)
 
 
-def _finish(world: World, car: Car) -> Car:
+def _finish(world: World, car: CarState) -> CarState:
     """Whether it goes on after this hold; its end was cut to where θ arrives, but for rounding."""
     arrived = car.theta >= world.track.end * (1 - ARRIVED)
     return car._replace(active=car.active & ~arrived & (car.clock < world.limit * (1 - ARRIVED)))
@@ -336,9 +336,9 @@ def _chosen(which: Array, one: Any, other: Any) -> Any:
     return jax.tree.map(partial(jnp.where, which), one, other)
 
 
-def _recorded(world: World, car: Car, held: Held) -> Record:
+def _recorded(world: World, car: CarState, held: Held) -> ControlSample:
     x, value = _deviation(world.track, car.theta, car.state)
-    return Record(car.clock, car.theta, car.state, held.measured, x, value, held.command)
+    return ControlSample(car.clock, car.theta, car.state, held.measured, x, value, held.command)
 
 
 def _deviation(track: Track, theta: Array, state: Array) -> tuple[Array, Array]:
@@ -355,7 +355,7 @@ def _hold(
     world: World,
     plant: Plant,
     z: Array,
-    car: Car,
+    car: CarState,
     held: Held,
     draw: Array,
     span: tuple[Array, Array],
@@ -377,8 +377,8 @@ def _hold(
 
     def rate(time: Any, z: Array, _: None) -> Array:
         # around a rate that is no number adaptive steps would shrink for ever: the plant stays, and is found there
-        told = true_rate(time, z)
-        return jnp.where(jnp.all(jnp.isfinite(told)), told, 0.0)
+        slope = true_rate(time, z)
+        return jnp.where(jnp.all(jnp.isfinite(slope)), slope, 0.0)
 
     def outside(t: Any, y: Array, args: None, **_: Any) -> Array:
         # a car that began outside is not stopped
@@ -411,18 +411,18 @@ def _hold(
 def _chunk(
     world: World,
     plant: Plant,
-    cars: Car,
+    cars: CarState,
     z: Array,
     keys: Array,
     first: Array,
     shown: Array,
     step: Array,
     tolerance: Array | None,
-) -> tuple[Car, Array, Record]:
+) -> tuple[CarState, Array, ControlSample]:
     """CHUNK control periods of all cars, from the period `first` on."""
 
-    def period(carry: tuple[Car, Array], number: Array) -> tuple[tuple[Car, Array], Record]:
-        def one(car: Car, z: Array, key: PRNGKeyArray) -> tuple[Car, Array, Record]:
+    def period(carry: tuple[CarState, Array], number: Array) -> tuple[tuple[CarState, Array], ControlSample]:
+        def one(car: CarState, z: Array, key: PRNGKeyArray) -> tuple[CarState, Array, ControlSample]:
             key_plant, key_sensor = jax.random.split(key)
             car, held = _decide(world, car, jax.random.fold_in(key_sensor, number))
             record = _recorded(world, car, held)
@@ -445,16 +445,16 @@ def _chunk(
 def _integrate(
     world: World,
     plant: Plant,
-    cars: Car,
+    cars: CarState,
     keys: Array,
     states: Array,
     shown: Int[np.ndarray, " r"],
     step: float,
     tolerance: float | None,
-) -> tuple[Car, list[Record]]:
+) -> tuple[CarState, list[ControlSample]]:
     z = jax.vmap(plant.start)(states)
     numbers = jnp.asarray(step, float), None if tolerance is None else jnp.asarray(tolerance, float)
-    history: list[Record] = []
+    history: list[ControlSample] = []
     while bool(jnp.any(cars.active)):
         first = jnp.asarray(CHUNK * len(history))
         cars, z, record = _chunk(world, plant, cars, z, keys, first, jnp.asarray(shown), *numbers)
@@ -466,8 +466,8 @@ def _integrate(
 
 
 @eqx.filter_jit
-def _decide_all(world: World, cars: Car, keys: Array, number: Array) -> tuple[Car, Held, Record]:
-    def one(car: Car, key: PRNGKeyArray) -> tuple[Car, Held, Record]:
+def _decide_all(world: World, cars: CarState, keys: Array, number: Array) -> tuple[CarState, Held, ControlSample]:
+    def one(car: CarState, key: PRNGKeyArray) -> tuple[CarState, Held, ControlSample]:
         _, key_sensor = jax.random.split(key)
         car, held = _decide(world, car, jax.random.fold_in(key_sensor, number))
         return car, held, _recorded(world, car, held)
@@ -476,8 +476,8 @@ def _decide_all(world: World, cars: Car, keys: Array, number: Array) -> tuple[Ca
 
 
 @eqx.filter_jit
-def _moved_all(world: World, cars: Car, held: Held, states: Array, look: Array) -> Car:
-    def one(car: Car, held: Held, state: Array) -> Car:
+def _moved_all(world: World, cars: CarState, held: Held, states: Array, look: Array) -> CarState:
+    def one(car: CarState, held: Held, state: Array) -> CarState:
         part = held.duration / world.looks
         return _moved(world, car, held, state, look * part, part, jnp.zeros((), bool))
 
@@ -485,7 +485,7 @@ def _moved_all(world: World, cars: Car, held: Held, states: Array, look: Array) 
 
 
 @eqx.filter_jit
-def _finish_all(world: World, cars: Car) -> Car:
+def _finish_all(world: World, cars: CarState) -> CarState:
     return jax.vmap(partial(_finish, world))(cars)
 
 
@@ -497,13 +497,13 @@ def _final(track: Track, theta: Array, states: Array) -> tuple[Array, Array]:
 def _step_others(
     world: World,
     plant: HostPlant,
-    cars: Car,
+    cars: CarState,
     keys: Array,
     states: Float[np.ndarray, "k n"],
     shown: Int[np.ndarray, " r"],
-) -> tuple[Car, list[Record]]:
+) -> tuple[CarState, list[ControlSample]]:
     own = plant.start(states)
-    history: list[Record] = []
+    history: list[ControlSample] = []
     while bool(jnp.any(cars.active)):
         cars, held, record = _decide_all(world, cars, keys, jnp.asarray(len(history)))
         history.append(jax.tree.map(lambda now: np.asarray(now)[shown][None], record))
@@ -529,8 +529,8 @@ def _summary(
     states: Float[np.ndarray, "k n"],
     begins: Float[np.ndarray, " k"],
     start_value: Float[np.ndarray, " k"],
-    cars: Car,
-    history: list[Record],
+    cars: CarState,
+    history: list[ControlSample],
     shown: Int[np.ndarray, " r"],
 ) -> SampledLoop:
     end, theta = np.asarray(cars.clock), np.asarray(cars.theta)
@@ -540,14 +540,14 @@ def _summary(
     ended = world.stops & (left > 0) & np.isfinite(left)
     arrived = finite & (theta >= float(world.track.end) * (1 - 1e-9)) & ~ended
     state = np.asarray(cars.state)
-    last = Record(end, theta, state, state, deviation, value, np.zeros(cars.saturated.shape))
+    last = ControlSample(end, theta, state, state, deviation, value, np.zeros(cars.saturated.shape))
     every = jax.tree.map(
         lambda *parts: np.concatenate(parts), *history, jax.tree.map(lambda now: now[shown][None], last)
     )
     every.command[-1] = every.command[max(len(every.command) - 2, 0)]
     # a chunk goes on after the last car is done
     used = 1 + int(np.argmax((every.clock >= every.clock[-1:]).all(axis=1)))
-    kept = Record(*(values[:used] for values in every))
+    kept = ControlSample(*(values[:used] for values in every))
     time = np.where(end > 0, end, 1.0)
     with np.errstate(over="ignore"):  # a car that fails may have been very far away
         in_goal = arrived & (((deviation / np.asarray(world.track.goal)) ** 2).sum(axis=1) < 1)

@@ -21,7 +21,7 @@ from cfjax.problem import Problem, ReferencePoint, Vehicle, to_deviation
 from cfjax.problem.course import Pieces, point_at, poses_of, profiles_of
 
 
-class Place(NamedTuple):
+class TrackPoint(NamedTuple):
     """What there is at one θ; scalars, and the arrays of one funnel."""
 
     since: Float[Array, ""]  # θ as the funnel counts it, s
@@ -50,7 +50,7 @@ class Track(eqx.Module):
         """θ at which the last lap ends, s."""
         return self.laps * self.duration
 
-    def at(self, theta: Float[Array, ""]) -> Place:
+    def at(self, theta: Float[Array, ""]) -> TrackPoint:
         """The funnel and the reference at θ; where two funnels meet, the later one."""
         lap = jnp.clip(jnp.floor(theta / self.duration), -self.closed, self.laps - 1)
         own = theta - lap * self.duration
@@ -61,18 +61,18 @@ class Track(eqx.Module):
         point = point_at(self.profiles, self.profiles.find(here), here)
         alpha, x, y = (value for value, _ in self.poses.at(self.poses.find(here), here))
         point, pose = jax.tree.map(lambda value: jnp.asarray(value, float).reshape(()), (point, (alpha, x, y)))
-        return Place(own - self.begin[leg], numbers, point, pose)
+        return TrackPoint(own - self.begin[leg], numbers, point, pose)
 
-    def deviation(self, place: Place, state: Float[Array, " n"]) -> Float[Array, " n"]:
+    def deviation(self, place: TrackPoint, state: Float[Array, " n"]) -> Float[Array, " n"]:
         """Of a car's state (α, x, y, ξ…) from the reference, in its frame; the heading in [−π, π)."""
         return jnp.stack(to_deviation(self.vehicle, tuple(state), place.pose, place.point))
 
-    def value(self, place: Place, x: Float[Array, " n"]) -> Float[Array, ""]:
+    def value(self, place: TrackPoint, x: Float[Array, " n"]) -> Float[Array, ""]:
         """V at a deviation."""
         form = x @ place.numbers.shape @ x
         return jnp.asarray(self.template.value(place.numbers.rate, place.since, form), float)
 
-    def gradient(self, place: Place, x: Float[Array, " n"]) -> Float[Array, " n"]:
+    def gradient(self, place: TrackPoint, x: Float[Array, " n"]) -> Float[Array, " n"]:
         """∂V/∂x, but for a factor that is positive."""
         return jnp.asarray(place.numbers.shape) @ x
 

@@ -81,7 +81,7 @@ class Signal(NamedTuple):
     target: Float[Array, " k"]
 
 
-class Bounds(NamedTuple):
+class TubeBounds(NamedTuple):
     """The tube's intervals, lower and upper ends."""
 
     curvature: tuple[Array, Array]
@@ -154,7 +154,7 @@ def _wander(key: Array, habit: SignalModel, ends: tuple[Array, Array], now: Sign
 
 
 def _worst_ends(
-    vehicle: Vehicle, loop: Loop, bounds: Bounds, speed: Array, x: tuple[Array, ...]
+    vehicle: Vehicle, loop: Loop, bounds: TubeBounds, speed: Array, x: tuple[Array, ...]
 ) -> tuple[Array, Array]:
     """The ends of curvature and acceleration at which V̇ is larger; both act through u0 > 0 alone."""
     each = range(len(x))
@@ -178,7 +178,7 @@ def drive_tube(
     vehicle: Vehicle,
     template: Template,
     loop: Loop,
-    bounds: Bounds,
+    bounds: TubeBounds,
     goal: Float[Array, " n"],
     starts: Float[Array, "k n"],
     key: Array,
@@ -324,7 +324,7 @@ def drive_tube_cars(
         problem.vehicle,
         funnel.template,
         loop_of(problem, numbers, length),
-        Bounds(as_pair(tube.curvature), as_pair(tube.speed), as_pair(tube.acceleration)),
+        TubeBounds(as_pair(tube.curvature), as_pair(tube.speed), as_pair(tube.acceleration)),
         jnp.array(problem.goal_axes),
         _starts(key_starts, problem, funnel, cars),
         key_drive,

@@ -8,15 +8,15 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cfcheck.claims.legs import Leg
-from cfcheck.claims.surroundings import Body, Clearance, ClearStretch, Surroundings, shadows_of
+from cfcheck.clearance.surroundings import Body, ClearanceHints, ClearStretch, SurroundingsClaim, shadows_of
+from cfcheck.clearance.sweep import Nearby
 from cfcheck.exact.enclosure import Budget
-from cfcheck.kernel.sweep import Nearby
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import Reference
-from cfjax.certificate.clearance import SAFE, NotClear, Search, find_clearance
-from cfjax.certificate.hulls import FAN, ROUGH, Along, Disc, Hulls, levels_of, near_rows, rows_of
-from cfjax.tubes.certified import CertifiedTube, Run
+from cfjax.certificate.clearance import SAFE, NotClear, SeparationSearch, find_clearance
+from cfjax.certificate.hulls import FAN, ROUGH, Along, FunnelDisc, Hulls, levels_of, near_rows, rows_of
+from cfjax.tubes.certified import CertifiedTube, TubeLeg
 from cfjax.tubes.violation import InTheWay
 
 
@@ -30,10 +30,10 @@ def choose_clear(
     reference: Reference,
     tubes: Sequence[CertifiedTube],
     holds: Holds,
-    surroundings: Surroundings,
+    surroundings: SurroundingsClaim,
     choose: Callable[[Holds], Chain],
     earlier: "Earlier | None" = None,
-) -> tuple[Chain, Clearance]:
+) -> tuple[Chain, ClearanceHints]:
     """A chain in whose tubes the body is clear of its surroundings, with half-planes that prove it.
 
     `choose` finds the best chain among the places that are left to each tube. Tubes are looked at when a chain has
@@ -59,7 +59,7 @@ def choose_clear(
             if not all(places.holds[index, begin:end].all() for begin, end, index in chain):
                 continue
         legs = [
-            Run(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
+            TubeLeg(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
         ]
         try:
             known = {} if earlier is None else earlier.known(chain, tubes, surroundings, along)
@@ -77,12 +77,12 @@ class Earlier:
 
     same: int
     reference: Reference
-    runs: Sequence[Run]
-    surroundings: Surroundings
-    clearance: Clearance
+    runs: Sequence[TubeLeg]
+    surroundings: SurroundingsClaim
+    clearance: ClearanceHints
 
     def known(
-        self, chain: Chain, tubes: Sequence[CertifiedTube], surroundings: Surroundings, along: Along
+        self, chain: Chain, tubes: Sequence[CertifiedTube], surroundings: SurroundingsClaim, along: Along
     ) -> dict[int, list[ClearStretch]]:
         """Of pieces in the same tube as then what was proven, where nothing is near that was not there."""
         if surroundings.footprint != self.surroundings.footprint or not self.clearance:
@@ -102,11 +102,11 @@ class Earlier:
         return found
 
 
-def _touched(leg: Leg, along: Along, added: Hulls, surroundings: Surroundings) -> set[int]:
+def _touched(leg: Leg, along: Along, added: Hulls, surroundings: SurroundingsClaim) -> set[int]:
     """Pieces of a leg near which something is that was not there."""
     pieces = slice(leg.begin, min(leg.end, len(along.way)))
     level = levels_of(leg)[: pieces.stop - pieces.start]
-    discs = map(Disc.of, shadows_of(leg, surroundings.footprint))
+    discs = map(FunnelDisc.of, shadows_of(leg, surroundings.footprint))
     return {leg.begin + int(row) for disc in discs for row in near_rows(added, along.some(pieces), level, disc)[0]}
 
 
@@ -126,7 +126,7 @@ class _Places:
     """Where tubes hold the path and leave the body room; `holds` loses the places where they do not."""
 
     reference: Reference
-    surroundings: Surroundings
+    surroundings: SurroundingsClaim
     hulls: Hulls
     along: Along
     holds: Holds
@@ -144,11 +144,11 @@ class _Places:
         Samples take as long as a proof, so they are for tubes whose proof has failed.
         """
         reference = self.reference
-        leg = Run(0, len(reference.pieces), tube).leg(reference)
+        leg = TubeLeg(0, len(reference.pieces), tube).leg(reference)
         shadows = shadows_of(leg, self.surroundings.footprint)
-        search = Search(leg, Body(shadows, Nearby(()), Budget()), self.hulls)
+        search = SeparationSearch(leg, Body(shadows, Nearby(()), Budget()), self.hulls)
         level = levels_of(leg)
-        for disc in map(Disc.of, shadows):
+        for disc in map(FunnelDisc.of, shadows):
             own = np.flatnonzero(self.holds[index])
             rows = rows_of(self.hulls, self.along.some(own), level[own], disc, ROUGH)
             doubtful = rows.room.max(axis=1) <= SAFE

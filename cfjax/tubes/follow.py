@@ -2,7 +2,7 @@
 
 Each tube holds along every path within its intervals. So nothing is optimised for a path: it is cut into pieces, each
 piece asks which tubes hold it, and a chain is the cheapest way through them, where a tube can only be left for one that
-holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfcheck.claims.legs` proves
+holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfcheck.kernel.legs` proves
 each of these claims).
 """
 
@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpq
 
-from cfcheck.claims.legs import Joint, prove_joints
-from cfcheck.claims.surroundings import Clearance, Surroundings
+from cfcheck.clearance.surroundings import ClearanceHints, SurroundingsClaim
 from cfcheck.exact.rational import Range, float_below, rational, sqrt_upper
+from cfcheck.kernel.legs import Joint, prove_joints
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
 from cfjax.coerce import Numbers, flag, instance, instances, number, optional, text, whole
@@ -30,7 +30,7 @@ from cfjax.problem.obstacles import footprint_of, obstacles_of
 from cfjax.problem.path import Path, Pose, Profile, Segment
 from cfjax.problem.room import require_clear
 from cfjax.rounded import rounded_down, rounded_up
-from cfjax.tubes.certified import CertifiedTube, Run, timing_of
+from cfjax.tubes.certified import CertifiedTube, TubeLeg, timing_of
 from cfjax.tubes.choice import choose, needed_distance, proven_ratios
 from cfjax.tubes.store import library, proven_tubes
 from cfjax.tubes.vehicles import parameters_of, why_none
@@ -89,17 +89,17 @@ class Following:
     closed: bool
     end_level: float  # V of the last tube is at most this at the end
     arrival: tuple[float, float]
-    runs: tuple[Run, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and ratios
+    runs: tuple[TubeLeg, ...]  # the same as `tubes` and `links` in exact numbers: pieces of the reference, and ratios
     ratios: tuple[fmpq, ...]
     timing: Range  # of all tubes together
     vehicle: Vehicle | None = None  # that drives, where it is known
-    surroundings: Surroundings = Surroundings()  # what the body clears in every tube
-    clearance: Clearance = ()  # half-planes that prove it, by run
+    surroundings: SurroundingsClaim = SurroundingsClaim()  # what the body clears in every tube
+    clearance: ClearanceHints = ()  # half-planes that prove it, by run
 
     def __post_init__(self) -> None:
         instance("path", self.path, Path)
         instance("reference", self.reference, Reference)
-        for name, kind in (("tubes", Stretch), ("links", Link), ("runs", Run), ("ratios", fmpq)):
+        for name, kind in (("tubes", Stretch), ("links", Link), ("runs", TubeLeg), ("ratios", fmpq)):
             instances(name, getattr(self, name), kind)
 
     @property
@@ -251,7 +251,7 @@ def _follow(
     path: Path,
     tubes: tuple[CertifiedTube, ...],
     closed: bool,
-    surroundings: Surroundings,
+    surroundings: SurroundingsClaim,
     earlier: Following | None,
 ) -> Following:
     statements = [stated(segment) for segment in path.require_course()]
@@ -275,7 +275,7 @@ def _follow(
         )
     else:
         chain, clearance = choose(reference, tubes, holds, gap), ()
-    runs = [Run(begin, end, tubes[index]) for begin, end, index in chain]
+    runs = [TubeLeg(begin, end, tubes[index]) for begin, end, index in chain]
     if any((run.tube.vehicle, run.tube.parameters) != (runs[0].tube.vehicle, runs[0].tube.parameters) for run in runs):
         raise ValueError("expected tubes that are certified for one vehicle")
     order = [index for _, _, index in chain] + ([chain[0][2]] if closed else [])
@@ -299,7 +299,7 @@ def _follow(
     )
 
 
-def _link(joint: Joint, runs: Sequence[Run], fastest: fmpq) -> Link:
+def _link(joint: Joint, runs: Sequence[TubeLeg], fastest: fmpq) -> Link:
     """A proven joint in floating-point numbers."""
     first, second = runs[joint.before.index].tube, runs[joint.after.index].tube
     found = needed_distance(first, second, joint.ratio, joint.jump, fastest)
@@ -371,7 +371,7 @@ def _certified_path(
     return Path(name, tuple(result))
 
 
-def _stretches(pieces: Sequence[Piece], runs: Sequence[Run]) -> tuple[Stretch, ...]:
+def _stretches(pieces: Sequence[Piece], runs: Sequence[TubeLeg]) -> tuple[Stretch, ...]:
     found: list[Stretch] = []
     for run in runs:
         fresh = True

@@ -13,10 +13,10 @@ import numpy as np
 from flint import fmpq
 
 from cfcheck import Outcome, check_document
-from cfcheck.claims.containment import Sets, broken_containments
-from cfcheck.claims.legs import Leg
 from cfcheck.claims.problem import MOST_PIECES
 from cfcheck.exact.rational import float_below
+from cfcheck.kernel.containment import Sets, broken_containments
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.reference import Reference
 from cfcheck.vehicle.model import STATES
 from cfjax.certificate.bounds import bounds_along, bounds_of_pieces
@@ -84,12 +84,14 @@ def hold_by_learning(problem: Problem, learn: Learn) -> Result:
     bounds = Path("tube", (_bounds_of(problem.path, reference),))
     try:
         # a tube has no place: it is made narrow enough to pass the obstacles, and the proof along the path decides
-        asked = replace(problem, path=bounds, goal=Ellipsoid(tuple(reach)), safe=_narrow(problem, reach), obstacles=())
+        bounded_problem = replace(
+            problem, path=bounds, goal=Ellipsoid(tuple(reach)), safe=_narrow(problem, reach), obstacles=()
+        )
     except InputError as error:  # G is too small beside I for what a tube contracts to, or the bounds ask too much
         room = f"; obstacles leave {problem.room:.4g} m beside the path" if problem.obstacles else ""
         message = f"no tube for the path's bounds leads from I to G ({error}{room})"
         return Result(Verdict.INCONCLUSIVE, message, problem)
-    made = learn(asked, REACHED * inner)
+    made = learn(bounded_problem, REACHED * inner)
     problem = replace(problem, inlet=made.problem.inlet)  # which an objective may have enlarged
     if made.verdict is not Verdict.CERTIFIED or made.document is None:
         return made.replace(

@@ -22,7 +22,7 @@ class InTheWay(ValueError):
     """An obstacle or a wall that the body may reach in every tube that holds the path there."""
 
 
-class Violation(NamedTuple):
+class BoundViolation(NamedTuple):
     """Where a piece leaves a tube by most: value and bound in the quantity's unit.
 
     θ in s from the segment's start, arc in m from the path's start.
@@ -49,7 +49,7 @@ class Violation(NamedTuple):
         )
 
 
-def violations(piece: Piece, bounds: Bounds) -> list[Violation]:
+def violations(piece: Piece, bounds: Bounds) -> list[BoundViolation]:
     """Where each quantity that leaves its interval does so by most: places rounded, values exact."""
     found = []
     for quantity in UNITS:
@@ -62,7 +62,7 @@ def violations(piece: Piece, bounds: Bounds) -> list[Violation]:
             if extreme is not None and not piece.keeps(quantity, is_upper, bound):
                 value, at = extreme
                 arc = piece.arc + evaluate(integral(piece.speed), at)
-                found.append(Violation(quantity, value, bound, piece.segment, piece.theta + at, arc))
+                found.append(BoundViolation(quantity, value, bound, piece.segment, piece.theta + at, arc))
     return found
 
 
@@ -112,12 +112,12 @@ class _Out(NamedTuple):
 
     most: fmpq
     together: fmpq
-    violation: Violation
+    violation: BoundViolation
     tube: CertifiedTube
     piece: Piece
 
 
-def _relative(violation: Violation) -> fmpq:
+def _relative(violation: BoundViolation) -> fmpq:
     return violation.excess / max(abs(violation.value), abs(violation.bound))
 
 

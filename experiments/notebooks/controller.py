@@ -31,7 +31,7 @@ from matplotlib.figure import Figure
 
 import cfjax
 from cfjax.export import write_controller
-from cfjax.export.compiled import OK, OUTSIDE, PAST_END, Controller, compile_controller
+from cfjax.export.compiled import OK, OUTSIDE, PAST_END, CompiledController, compile_controller
 from cfjax.report.style import CAR_COLOUR, EDGE_COLOUR, REFERENCE_COLOUR, SERIES_COLOURS, STYLE
 from cfjax.rounded import margin_text
 
@@ -66,7 +66,7 @@ print(f"{result.verdict.value}, {margin_text(result.margin_certified)} 1/s")
 folder = Path(tempfile.mkdtemp())
 header, source = write_controller(result, folder)
 print("\n".join(header.read_text().splitlines()[:24]))
-controller = Controller(compile_controller(folder), states=4, inputs=3, commands=2)
+controller = CompiledController(compile_controller(folder), states=4, inputs=3, commands=2)
 
 # %% [markdown]
 # ## A car

@@ -254,7 +254,7 @@ def test_another_solver_is_asked_only_for_what_it_may_mend(
 ) -> None:
     proof = None if proven is None else CellProof(None, proven, ())
     solution = Solution(status, margin, None, 0.0, "oracle")
-    assert certificate_program.Proven(solution, proof, proven or fmpq(0)).is_good == good
+    assert certificate_program.CellResult(solution, proof, proven or fmpq(0)).is_good == good
 
 
 def test_an_unknown_solver_is_one_line(candidate: Candidate) -> None:

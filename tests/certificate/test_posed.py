@@ -117,7 +117,7 @@ def test_a_reason_that_is_no_matter_of_the_funnel_ends_the_search(
 
     monkeypatch.setattr("cfjax.learner.by_gradient.learn_for", learn_for)
     monkeypatch.setattr("cfjax.rounds.certify", certify)
-    monkeypatch.setattr(synthesis.Search, "_worst", lambda *_: [WorstPlace(0, "d", 1.0, 0.0, (0.1,) * 4)])
+    monkeypatch.setattr(synthesis.LearnCertifyLoop, "_worst", lambda *_: [WorstPlace(0, "d", 1.0, 0.0, (0.1,) * 4)])
     assert synthesis.search(problem, Options()).message == "too large"
     assert len(learned) == rounds
 

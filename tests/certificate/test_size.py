@@ -15,7 +15,7 @@ from cfjax.certificate.certifier import Statement
 from cfjax.certificate.program import program_of
 from cfjax.certificate.rounding import round_funnel
 from cfjax.certificate.size import GB, ProofSize
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
+from cfjax.certificate.stretches import ThetaInterval, bounded, decreases_on, question_of
 from cfjax.errors import InputError
 from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.options import Options, ProofLimits
@@ -60,7 +60,7 @@ def test_counts_are_those_of_the_proof(problem: Problem, counts: tuple[int, ...]
     shape = np.diag(1 / np.linspace(0.5, 0.6, problem.dimension) ** 2) * (1.2 if problem.dimension == 5 else 1.0)
     course = statement.claim.course
     if isinstance(course, Bounds):
-        stretch = Stretch(fmpq(0), fmpq(0), course)
+        stretch = ThetaInterval(fmpq(0), fmpq(0), course)
     else:
         stretch = whole_of(statement, isinstance(problem.vehicle, SteeredCar))
     funnel = round_funnel(Funnel(CONTRACTING, shape, rate, segment.duration), segment)
@@ -72,7 +72,7 @@ def test_counts_are_those_of_the_proof(problem: Problem, counts: tuple[int, ...]
     assert max(made.degrees) == size.order
 
 
-def whole_of(statement: Statement, is_smooth: bool) -> Stretch:
+def whole_of(statement: Statement, is_smooth: bool) -> ThetaInterval:
     """All of the first segment in one."""
     pieces = statement.pieces(0)
     return bounded(pieces, fmpq(0), pieces[-1].theta + pieces[-1].duration, is_smooth)

@@ -12,7 +12,7 @@ import pytest
 
 from cfjax.certificate.certifier import statement_of
 from cfjax.certificate.rounding import round_funnel
-from cfjax.certificate.stretches import Stretch, bounded, decreases_on, question_of
+from cfjax.certificate.stretches import ThetaInterval, bounded, decreases_on, question_of
 from cfjax.certificate.trace import PROFILE_INPUTS, trace_deviation
 from cfjax.errors import InputError
 from cfjax.exact import exact_course
@@ -169,8 +169,8 @@ def test_tan_and_division_are_enclosed_on_the_funnel(monkeypatch: pytest.MonkeyP
             below = float(decrease.form_rates[cell.vertex].denominator.polynomial(*y))
             assert below == pytest.approx(1 + (x[3] + 2) / 10, abs=1e-12)
             assert -rate * below >= float(decrease.target(cell)(*y)) - 1e-12
-            drop = float(decrease.pieces[cell.piece].drop_at(decrease.form)(*y))
-            assert float(decrease.drop(cell)(*y)) == pytest.approx(below * drop)
+            drop = float(decrease.pieces[cell.piece].weight.at(decrease.form)(*y))
+            assert float(decrease.weight(cell)(*y)) == pytest.approx(below * drop)
 
 
 def test_poles_in_the_funnel_are_refused() -> None:
@@ -187,7 +187,7 @@ def test_poles_in_the_funnel_are_refused() -> None:
         decreases_on(question_of(statement_of(problem).claim, rounded), rounded, _whole(problem))
 
 
-def _whole(problem: Problem) -> Stretch:
+def _whole(problem: Problem) -> ThetaInterval:
     """The one stretch of a steady segment."""
     course = exact_course(problem.path)
     return bounded(course.pieces, course.pieces[0].theta, course.duration)

@@ -17,7 +17,7 @@ from cfcheck.path.bounds import Bounds
 from cfjax.certificate.certifier import _prove_sets, statement_of
 from cfjax.certificate.prover import Means, Prover
 from cfjax.certificate.rounding import RoundedFunnel, round_funnel
-from cfjax.certificate.stretches import Stretch
+from cfjax.certificate.stretches import ThetaInterval
 from cfjax.certificate.writing import seal, write_decrease, write_funnel
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Box, Method, Path, Pose, Problem, Profile, Segment, ball
@@ -83,11 +83,11 @@ def lap_document() -> dict[str, Any]:
         return value, value
 
     stretches = (
-        [Stretch(zero, rational(duration), Bounds(steady(zero), steady(rational(FAST)), steady(zero)))],
+        [ThetaInterval(zero, rational(duration), Bounds(steady(zero), steady(rational(FAST)), steady(zero)))],
         [
-            Stretch(zero, ENDS[0], Bounds((fmpq(4, 10), middle), steady(slow), steady(zero))),
-            Stretch(ENDS[0], ENDS[1], Bounds((middle, highest), steady(slow), steady(zero))),
-            Stretch(ENDS[1], half, Bounds(steady(highest), (slow, last), steady(fmpq(1, 100)))),
+            ThetaInterval(zero, ENDS[0], Bounds((fmpq(4, 10), middle), steady(slow), steady(zero))),
+            ThetaInterval(ENDS[0], ENDS[1], Bounds((middle, highest), steady(slow), steady(zero))),
+            ThetaInterval(ENDS[1], half, Bounds(steady(highest), (slow, last), steady(fmpq(1, 100)))),
         ],
     )
     template = template_named("contracting")
@@ -107,12 +107,12 @@ def kink_document() -> dict[str, Any]:
     zero, speed = fmpq(0), fmpq(3, 2)
     bounds = (Bounds((kappa, kappa), (speed, speed), (zero, zero)) for kappa in (zero, fmpq(1)))
     ends = (zero, fmpq(1, 4), fmpq(1, 2))
-    stretches = [Stretch(begin, end, own) for begin, end, own in zip(ends, ends[1:], bounds, strict=False)]
+    stretches = [ThetaInterval(begin, end, own) for begin, end, own in zip(ends, ends[1:], bounds, strict=False)]
     return assembled(problem, [funnel], [stretches])
 
 
 def assembled(
-    problem: Problem, funnels: Sequence[RoundedFunnel], stretches: Sequence[Sequence[Stretch]]
+    problem: Problem, funnels: Sequence[RoundedFunnel], stretches: Sequence[Sequence[ThetaInterval]]
 ) -> dict[str, Any]:
     """The certificate with these stretches, one list for each kind of segment."""
     statement = statement_of(problem)

@@ -141,10 +141,11 @@ def test_the_truth_sees_what_is_false(campaign: ModuleType, paper_text: str) -> 
 
 def test_the_truth_sees_what_is_false_of_a_tube(campaign: ModuleType, tube_text: str) -> None:
     """Shell and references are searched: each claim that is wrong at some reference alone is found to be."""
+    segment_of = importlib.import_module("attacks.truth").segment_of
 
     def judged(place: str, **changes: Any) -> str:
         spoiled = json.loads(tube_text)
-        {"funnel": spoiled["funnels"][0], "bounds": campaign.segment_of(spoiled)}[place].update(changes)
+        {"funnel": spoiled["funnels"][0], "bounds": segment_of(spoiled)}[place].update(changes)
         return campaign.is_true(spoiled)
 
     assert judged("funnel") == ""

@@ -8,11 +8,11 @@ import shapely
 from flint import acb, arb, fmpq
 
 from cfcheck import Outcome, check_document
-from cfcheck.claims.corridor import WallClaim, prove_between
 from cfcheck.claims.document import document_hash
+from cfcheck.clearance.corridor import WallClaim, prove_between
+from cfcheck.clearance.half_plane import FootprintClaim
 from cfcheck.exact.enclosure import Budget
 from cfcheck.exact.rational import rational
-from cfcheck.kernel.clearance import FootprintClaim
 from cfcheck.path.reference import ExactPose
 from cfcheck.reader import Broken
 from cfjax.errors import InputError

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from flint import acb, arb, fmpq
 
-from cfcheck.claims.surroundings import Body
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim, Shadow
+from cfcheck.clearance.surroundings import Body
+from cfcheck.clearance.sweep import UNIT, Hull, Nearby, Sweep, length_of
 from cfcheck.exact.enclosure import Budget
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim, Shadow
 from cfcheck.kernel.level import Contracting
-from cfcheck.kernel.sweep import UNIT, Hull, Nearby, Sweep, length_of
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
-from cfjax.certificate.hulls import Along, Disc, reaches
+from cfjax.certificate.hulls import Along, FunnelDisc, reaches
 
 
 def some_sweep(rng: np.random.Generator) -> Sweep:
@@ -77,7 +77,7 @@ def test_no_car_gets_further_than_is_said(seed: int) -> None:
         size = float(np.hypot(*normal))
         bound = sweep.reach((normal[0], normal[1])) / UNIT
         assert (places @ normal).max() + radius * size <= bound
-        told = reaches(along, level, Disc.of(sweep.shadow), np.array([normal]) / size)[0, 0] * size
+        told = reaches(along, level, FunnelDisc.of(sweep.shadow), np.array([normal]) / size)[0, 0] * size
         assert told == pytest.approx(bound, abs=1e-6 * size)  # the finder's bound is the checker's
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cfjax.conf import hydra_overrides, preset, values_of
+from cfjax.conf import config_of, hydra_overrides, preset, values_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.report.resume import sweep_identity
 from cfjax.report.run_folder import read_config
@@ -222,3 +222,12 @@ def test_flags_and_hydras_own_keys(
     assert train(*arguments) == 2
     error = capfd.readouterr().err
     assert error.startswith(f"error: {message}") and error.count("\n") == 1
+
+
+def test_the_former_name_of_a_key_works_with_a_line_of_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    """On the command line, and in the config.yaml of a run that an earlier version wrote."""
+    said = "warning: {}authority is called input_share now; the old name works until version 0.2\n"
+    config = preset("circle", ["authority=0.5"])
+    assert config.input_share == 0.5 and capsys.readouterr().err == said.format("")
+    assert config_of(yaml_of(config).replace("input_share:", "authority:")) == config
+    assert capsys.readouterr().err == said.format("config.yaml: ")

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import cfjax.export.__main__ as export
-import cfjax.simulate.__main__ as simulate
+import cfjax.simulate as simulate
 from cfcheck import Outcome, check_file
 from cfjax.control.law import LAW_SHARE
 from cfjax.errors import InputError

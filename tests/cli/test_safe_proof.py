@@ -345,8 +345,8 @@ def test_rounds_end_with_the_gain(
         return Result(verdict, "made by hand", problem, (replace(segment, margin_falsified=1.0),)), ()
 
     learned = Learned((hand_made(problem).segments[0].funnel,), 1.0, -1.0, (1.0,), 1)
-    monkeypatch.setattr(cfjax.synthesis.Search, "_learn", lambda *_: Found(problem, learned, "", {}))
-    monkeypatch.setattr(cfjax.synthesis.Search, "_certify", next_round)
+    monkeypatch.setattr(cfjax.synthesis.LearnCertifyLoop, "_learn", lambda *_: Found(problem, learned, "", {}))
+    monkeypatch.setattr(cfjax.synthesis.LearnCertifyLoop, "_certify", next_round)
     result = search(problem, options_of(preset("circle", ["rounds=4"])))
     assert result.iterations == rounds
     assert result.margin_certified == max((m for m in certified[:rounds] if m), default=None)
@@ -366,11 +366,11 @@ def test_a_round_that_breaks_does_not_lose_an_earlier_proof(
             raise given
         return given
 
-    monkeypatch.setattr(cfjax.synthesis.Search, "_round", next_round)
+    monkeypatch.setattr(cfjax.synthesis.LearnCertifyLoop, "_round", next_round)
     result = search(problem, options_of(preset("circle")))
     assert (result.verdict, result.margin_certified, result.iterations) == (Verdict.CERTIFIED, 0.5, 1)
     assert "warning: round 2 failed (MemoryError: too much); an earlier proof stands" in capfd.readouterr().err
-    monkeypatch.setattr(cfjax.synthesis.Search, "_round", Breaks(MemoryError()))
+    monkeypatch.setattr(cfjax.synthesis.LearnCertifyLoop, "_round", Breaks(MemoryError()))
     with pytest.raises(MemoryError):  # nothing to save
         search(problem, options_of(preset("circle")))
 
@@ -389,7 +389,7 @@ def test_interrupt_after_a_proof_keeps_it(
             raise KeyboardInterrupt
         return given
 
-    monkeypatch.setattr(cfjax.synthesis.Search, "_round", next_round)
+    monkeypatch.setattr(cfjax.synthesis.LearnCertifyLoop, "_round", next_round)
     for name in ("drive_cars", "robustness_of"):
         monkeypatch.setattr(cfjax.synthesis, name, Breaks(AssertionError(name)))
     assert train("+path=circle", *QUESTION, "rounds=3", "robustness=true", "hydra.run.dir=here") == 130

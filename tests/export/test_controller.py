@@ -20,7 +20,7 @@ from cfjax.control import MinNorm, leg_numbers, locate
 from cfjax.errors import InputError
 from cfjax.export import sources_of, write_controller
 from cfjax.export.__main__ import main
-from cfjax.export.compiled import BAD_INPUT, OK, OUTSIDE, PAST_END, Controller, compile_controller, compiler
+from cfjax.export.compiled import BAD_INPUT, OK, OUTSIDE, PAST_END, CompiledController, compile_controller, compiler
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import (
     Interval,
@@ -122,18 +122,18 @@ CASES: dict[str, Callable[[], Result]] = {
 }
 
 
-def built(result: Result, folder: Path, frame: str = "paper") -> Controller:
+def built(result: Result, folder: Path, frame: str = "paper") -> CompiledController:
     write_controller(result, folder, frame)
     vehicle = result.problem.vehicle
     inputs = len(vehicle.input_names) + 1
-    return Controller(compile_controller(folder), result.problem.dimension, inputs, len(vehicle.command_names))
+    return CompiledController(compile_controller(folder), result.problem.dimension, inputs, len(vehicle.command_names))
 
 
 @pytest.fixture(scope="module")
-def controller_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Result, Controller]]:
-    made: dict[str, tuple[Result, Controller]] = {}
+def controller_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Result, CompiledController]]:
+    made: dict[str, tuple[Result, CompiledController]] = {}
 
-    def make(case: str) -> tuple[Result, Controller]:
+    def make(case: str) -> tuple[Result, CompiledController]:
         if case not in made:
             result = CASES[case]()
             made[case] = result, built(result, tmp_path_factory.mktemp("controller"))
@@ -143,7 +143,7 @@ def controller_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], t
     return make
 
 
-ControllerOf = Callable[[str], tuple[Result, Controller]]
+ControllerOf = Callable[[str], tuple[Result, CompiledController]]
 
 
 def places(result: Result, count: int, reach: float = 1.1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -237,7 +237,9 @@ def test_it_finds_the_car_as_locate_does(controller_of: ControllerOf, case: str)
         assert controller.memory.lap == 0
 
 
-def driven(controller: Controller, vehicle: Vehicle, state: np.ndarray, dt: float, laps: int) -> list[np.ndarray]:
+def driven(
+    controller: CompiledController, vehicle: Vehicle, state: np.ndarray, dt: float, laps: int
+) -> list[np.ndarray]:
     """States at which each lap begins, of a car with held inputs; RK4 in the inertial frame."""
 
     def rate(z: np.ndarray, steering: float, thrust: float) -> np.ndarray:
@@ -443,7 +445,7 @@ def test_the_command_writes_beside_the_run(tmp_path: Path, capsys: pytest.Captur
     text = Path(written[0]).read_text()
     for fact in ("sha256:abc", "circle", "0.3125 1/s", "rad", "steering angle", "V <= 1"):
         assert fact in text
-    controller = Controller(compile_controller(tmp_path / "controller"), 4, 3, 2)
+    controller = CompiledController(compile_controller(tmp_path / "controller"), 4, 3, 2)
     assert controller.start(GOOD) == OK
     assert main([str(tmp_path), "--output", str(tmp_path / "a=b,c")]) == 0
     assert (tmp_path / "a=b,c" / "cfjax_controller.c").read_text() == Path(written[1]).read_text()

@@ -22,7 +22,7 @@ from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.errors import InputError
 from cfjax.export import write_package
 from cfjax.export.__main__ import main
-from cfjax.export.compiled import OK, WARNINGS, Controller, compile_controller, compiler
+from cfjax.export.compiled import OK, WARNINGS, CompiledController, compile_controller, compiler
 from cfjax.export.ros2 import NEAR
 from cfjax.problem import Problem, circle
 from cfjax.report.plane import Plane
@@ -158,11 +158,11 @@ def on_path(result: Result) -> tuple[cfjax.problem.RosPose, float]:
     return cfjax.problem.pose_to_ros(first.start), float(first.point(0.0).speed)
 
 
-def controller_in(built: Built, folder: Path) -> Controller:
+def controller_in(built: Built, folder: Path) -> CompiledController:
     """The controller of the package, from Python."""
     for name in ("include/cfjax_controller.h", "src/cfjax_controller.c"):
         shutil.copy(built.folder / name, folder)
-    return Controller(compile_controller(folder), 4, 3, 2)
+    return CompiledController(compile_controller(folder), 4, 3, 2)
 
 
 @pytest.mark.parametrize("case", ["circle", "tubes"])

@@ -308,9 +308,9 @@ def test_climbing_asks_the_same_demonstrations_for_more(batched: PolytopeLearned
     check_found(CIRCLE, found, 0.02)
     (run,) = found.runs
     assert run.search.ending is Ending.TOO_SMALL
-    assert found.learned is not None and run.asked > found.learned.margin
+    assert found.learned is not None and run.target > found.learned.margin
     assert (
-        f"no 0.01-robust candidate of margin {run.asked:.4g} 1/s {MORE} with c0 T from 0.001 to 0.88" in found.message
+        f"no 0.01-robust candidate of margin {run.target:.4g} 1/s {MORE} with c0 T from 0.001 to 0.88" in found.message
     )
     assert f"compatible with these {run.demonstrations} demonstrations ({run.search.cuts} cuts, at" in found.message
 
@@ -455,7 +455,7 @@ def test_what_holds_a_funnel_back_is_known_from_the_hunt_that_accepted_it(monkey
     monkeypatch.setattr(FunnelOracle, "_particles", lambda *_: next(hunts))
     c = entries_of(0.5 * np.eye(4))
     reply = task(np.append(c, 0.7))
-    assert task.best[0] == 0.1 and task.asked == pytest.approx(0.105)
+    assert task.best[0] == 0.1 and task.target == pytest.approx(0.105)
     assert 1 <= len(task.witnesses.theta) <= 8 and len(reply.cuts) == len(task.witnesses.theta)
 
 

@@ -15,7 +15,7 @@ from cfjax.planner.bends import Bends
 from cfjax.planner.convex import convex_parts, is_convex
 from cfjax.planner.dubins import dubins_ways
 from cfjax.planner.field import field_of
-from cfjax.planner.search import Body, Search, along
+from cfjax.planner.search import BodyDiscs, Search, along
 from cfjax.planner.smooth import smoothed
 from cfjax.problem import Disc, Polygon
 from tests.planner.scenes import ENTRIES, HOOK, scene, shape_of
@@ -125,13 +125,13 @@ def test_dubins_known_lengths() -> None:
 
 @pytest.fixture(scope="module")
 def searched() -> tuple:
-    map, body = scene(), Body(np.array([0.0, 0.3]), np.array([0.28, 0.24]))
+    map, body = scene(), BodyDiscs(np.array([0.0, 0.3]), np.array([0.28, 0.24]))
     field = field_of(map.obstacles, np.zeros(len(map.obstacles)), map.bounds, 0.1, 0.8)
     start, goal = (0j, 0.0), (7.2 + 0j, math.pi / 2)
     return field, body, start, goal, Search(field, body, goal, 2.0, 0.3).way(start)
 
 
-def room(body: Body, places: np.ndarray, directions: np.ndarray) -> float:
+def room(body: BodyDiscs, places: np.ndarray, directions: np.ndarray) -> float:
     """To spare beside the scene, by shapely."""
     shapes = shapely.union_all([shape_of(entry) for entry in ENTRIES])
     centres = [(places + offset * np.exp(1j * directions), need) for offset, need in zip(*body, strict=True)]

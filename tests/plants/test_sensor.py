@@ -60,12 +60,12 @@ def test_jitter_stays_in_its_range_and_time_does_not_run_back() -> None:
 
 
 def test_dropped_samples_hold_the_last_one() -> None:
-    state, stamp = told(sensor_named("drop=0.3,position=0.01", CAR))
+    state, stamp = told(sensor_named("loss=0.3,position=0.01", CAR))
     held = np.diff(stamp) == 0
     assert 0.2 < held.mean() < 0.4
     np.testing.assert_array_equal(state[1:][held], state[:-1][held])  # with its noise
     assert (state[1:][~held] != state[:-1][~held]).any(axis=1).all()
-    all_lost, _ = told(sensor_named("drop=1", CAR))
+    all_lost, _ = told(sensor_named("loss=1", CAR))
     np.testing.assert_array_equal(all_lost, np.repeat(TRUTH[:1], STEPS, axis=0))
 
 
@@ -92,7 +92,7 @@ def test_similar_delays_share_a_program() -> None:
         ("fog", "expected one of none, mocap, wifi"),
         ("delay=late", "finite number for delay"),
         ("dealy=1", "key of heading"),
-        ("drop=1.5", "drop from 0 to 1"),
+        ("loss=1.5", "loss from 0 to 1"),
         ("delay=-1", "not negative"),
     ],
 )
@@ -116,3 +116,10 @@ def test_bad_noise_is_refused(text: str, message: str) -> None:
 def test_bad_plants_are_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         plant_named(text, CAR)
+
+
+def test_the_former_name_of_loss_works_with_a_line_of_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    assert float(sensor_named("drop=0.25", CAR).loss) == 0.25
+    assert capsys.readouterr().err == (
+        "warning: noise: drop is called loss now; the old name works until version 0.2\n"
+    )

@@ -91,7 +91,7 @@ def test_the_first_place_that_needs_too_much_is_named_wherever_it_is() -> None:
 
 
 def test_what_a_long_path_needs_is_what_its_places_need_one_by_one() -> None:
-    problem = Problem(slalom(amplitude=0.3, periods=5), authority=0.5)
+    problem = Problem(slalom(amplitude=0.3, periods=5), input_share=0.5)
     points = [segment.point(t) for segment in problem.path.distinct for t in np.linspace(0, segment.duration, PLACES)]
     assert len(points) % BATCH
     needed = np.array([problem.feedforward(point) for point in points[::7]])
@@ -125,3 +125,10 @@ def test_feedforward_holds_the_reference() -> None:
     problem = Problem(circle(radius=2.0, speed=3.0), safe=S)
     inputs = problem.feedforward(problem.path.segments[0].point(0.0))
     np.testing.assert_allclose(inputs, [1.0, 0.34 / 2.0, 0.0], atol=1e-12)
+
+
+def test_the_former_name_of_the_input_share_works_with_a_line_of_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    assert Problem(circle(), authority=0.5) == Problem(circle(), input_share=0.5)
+    assert capsys.readouterr().err == (
+        "warning: authority is called input_share now; the old name works until version 0.2\n"
+    )

@@ -9,7 +9,7 @@ from flint import fmpq
 
 from cfjax.certificate import certify
 from cfjax.certificate.prover import NotProven, Prover, StretchProof
-from cfjax.certificate.stretches import Stretch
+from cfjax.certificate.stretches import ThetaInterval
 from cfjax.conf import preset, problem_of
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import FootprintDisc, Problem, ball
@@ -52,7 +52,7 @@ def test_the_stretch_that_proved_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
     problem = _problem("figure_eight")
     first, second = (segment.duration for segment in problem.path.curve)
 
-    def prove(self: Prover, stretch: Stretch, *_: Any) -> StretchProof:
+    def prove(self: Prover, stretch: ThetaInterval, *_: Any) -> StretchProof:
         if self.kind == 1:
             raise NotProven(Verdict.INCONCLUSIVE, f"{stretch.name}nothing")
         return StretchProof(stretch, (), fmpq(1), fmpq(1), 1.0, {}, (), ())

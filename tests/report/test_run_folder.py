@@ -15,15 +15,23 @@ from flint import fmpq
 from cfcheck import Outcome, Report, check_file
 from cfcheck.path.bounds import Bounds
 from cfcheck.replay import WITHOUT_PERIOD as LESS
-from cfcheck.robustness.amounts import Absorbed as ProvenAmounts
-from cfcheck.robustness.amounts import Robustness, Told
+from cfcheck.robustness.amounts import AbsorbedClaim as ProvenAmounts
+from cfcheck.robustness.amounts import LawNumbers, ProvenRobustness
 from cfcheck.robustness.ranges import SampledClaim
 from cfjax.certificate.robustness import Hints
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
 from cfjax.errors import InputError, NotWritten
 from cfjax.problem import Frame, Interval, Tube
 from cfjax.report.result_json import result_json, result_of
-from cfjax.report.run_folder import Asked, Check, _write_without_period, confirmed, read_frame, read_run, write_run
+from cfjax.report.run_folder import (
+    Check,
+    RequiredPeriod,
+    _write_without_period,
+    confirmed,
+    read_frame,
+    read_run,
+    write_run,
+)
 from cfjax.result import Absorbed, Result, Sampled, SegmentResult, StretchMargin
 from cfjax.result import Robustness as Robust
 from cfjax.verdict import Verdict
@@ -88,11 +96,14 @@ def test_fields_of_result_json(hand_made: Make, tmp_path: Path) -> None:
 def test_obstacles_and_body_stand_there_as_they_are_configured(hand_made: Make, tmp_path: Path) -> None:
     config = preset("obstacle", ["vehicle.footprint=[[0.2,0.1],[0.2,-0.1]]", "sets.obstacles=[{disc:[0,0,0.1]}]"])
     square = {"polygon": [[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]}
-    for name, asked, obstacles in (("disc", config, [{"disc": [0, 0, 0.1]}]), ("square", preset("obstacle"), [square])):
-        write_run(hand_made(problem_of(asked)), tmp_path / name, yaml_of(asked))
+    for name, required, obstacles in (
+        ("disc", config, [{"disc": [0, 0, 0.1]}]),
+        ("square", preset("obstacle"), [square]),
+    ):
+        write_run(hand_made(problem_of(required)), tmp_path / name, yaml_of(required))
         data = json.loads((tmp_path / name / "result.json").read_text())
-        assert data["sets"]["obstacles"] == obstacles == asked.sets.obstacles
-        assert data["vehicle"]["footprint"] == asked.vehicle.footprint
+        assert data["sets"]["obstacles"] == obstacles == required.sets.obstacles
+        assert data["vehicle"]["footprint"] == required.vehicle.footprint
 
 
 def test_a_chain_with_stretches_is_read_as_it_was_written(hand_made: Make, tmp_path: Path) -> None:
@@ -176,8 +187,8 @@ def test_along_tubes_the_law_asks_for_what_the_checker_proved(hand_made: Make, t
     still = fmpq(0), fmpq(0)
     bounds = Bounds((fmpq(1, 4), fmpq(2)), (fmpq(1), fmpq(1)), still)
     none = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
-    told = Told(fmpq(3, 10), fmpq(1), fmpq(9, 10), fmpq(1, 2), bounds)
-    proven = Robustness(none, fmpq(1), none, fmpq(1), (), (told,))
+    told = LawNumbers(fmpq(3, 10), fmpq(1), fmpq(9, 10), fmpq(1, 2), bounds)
+    proven = ProvenRobustness(none, fmpq(1), none, fmpq(1), (), (told,))
 
     def check(path: Path) -> Report:
         return by_hand.proven(fmpq(3, 10), robustness=proven)
@@ -388,12 +399,14 @@ def test_period_and_delay_are_those_of_the_law_that_was_asked_for(hand_made: Mak
 
 NONE = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
 HELD = Sampled(0.02, 3, 0.5, ((0.5, -1.0, 0.0), (2.0, 1.0, 4.0)), (1.0, 2.0))
-ONE_LAW = Robustness(NONE, fmpq(1), NONE, fmpq(1), (), (Told(fmpq(3, 10), None, fmpq(9, 10), fmpq(9, 10), None),))
+ONE_LAW = ProvenRobustness(
+    NONE, fmpq(1), NONE, fmpq(1), (), (LawNumbers(fmpq(3, 10), None, fmpq(9, 10), fmpq(9, 10), None),)
+)
 SHORT = SampledClaim(fmpq(1, 50), 3, fmpq(1, 2), ((fmpq(1), fmpq(0), fmpq(0)),), (fmpq(1),), ())
 
 
-def asked_of(period: float, delay: float | None = None) -> Asked:
-    return Asked(period, delay, yaml_of(preset("circle")))
+def required_of(period: float, delay: float | None = None) -> RequiredPeriod:
+    return RequiredPeriod(period, delay, yaml_of(preset("circle")))
 
 
 def checked(path: Path) -> Report:
@@ -407,26 +420,28 @@ def checked(path: Path) -> Report:
 
 
 @pytest.mark.parametrize(
-    ("asked", "hints", "why"),
+    ("required", "hints", "why"),
     [
-        (asked_of(0.03), Hints({"hints": []}, lack="V changes by 1 1/s somewhere"), "V changes by 1 1/s somewhere"),
-        (asked_of(0.03), Hints({"hints": []}, {"hints": [], "sampled": []}), "no proof was found"),
-        (asked_of(0.02, 0.05), Hints({"hints": []}, {"hints": [], "sampled": []}), "no proof was found"),
+        (required_of(0.03), Hints({"hints": []}, lack="V changes by 1 1/s somewhere"), "V changes by 1 1/s somewhere"),
+        (required_of(0.03), Hints({"hints": []}, {"hints": [], "sampled": []}), "no proof was found"),
+        (required_of(0.02, 0.05), Hints({"hints": []}, {"hints": [], "sampled": []}), "no proof was found"),
     ],
     ids=["nothing found", "a shorter one", "no delay"],
 )
 def test_a_run_whose_period_is_not_proven_is_not_certified(
-    hand_made: Make, asked: Asked, hints: Hints, why: str, tmp_path: Path
+    hand_made: Make, required: RequiredPeriod, hints: Hints, why: str, tmp_path: Path
 ) -> None:
-    folder, config = tmp_path / "run", yaml_of(preset("circle", [f"period={asked.period}"]))
+    folder, config = tmp_path / "run", yaml_of(preset("circle", [f"period={required.period}"]))
     claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
-    written = write_run(claimed, folder, config, check=checked, harden=lambda _: hints, asked=asked)
+    written = write_run(claimed, folder, config, check=checked, harden=lambda _: hints, required=required)
     data = json.loads((folder / "result.json").read_text())
     assert written.verdict is Verdict.INCONCLUSIVE and data["verdict"] == "inconclusive"
     assert data["margin"]["certified"] is None and data["robustness"] is None
-    assert data["message"].startswith(f"the funnel is proven, with margin 0.2999 1/s, but not period={asked.period:g}")
+    assert data["message"].startswith(
+        f"the funnel is proven, with margin 0.2999 1/s, but not period={required.period:g}"
+    )
     assert why in data["message"] and "proven of every law: 0.999 ms" in data["message"]
-    assert ("delay=0.05" in data["message"]) == (asked.delay is not None)
+    assert ("delay=0.05" in data["message"]) == (required.delay is not None)
     assert not (folder / "certificate.json").exists() and not (folder / "robustness.json").exists()
     report = check_file(folder)
     assert report.outcome is Outcome.UNREADABLE
@@ -443,7 +458,7 @@ def test_a_run_whose_period_is_proven_is_certified(hand_made: Make, tmp_path: Pa
     whole = Hints({"hints": []}, {"hints": [], "sampled": []})
     config = yaml_of(preset("circle", ["period=0.02"]))
     claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
-    written = write_run(claimed, tmp_path, config, check=checked, harden=lambda _: whole, asked=asked_of(0.02))
+    written = write_run(claimed, tmp_path, config, check=checked, harden=lambda _: whole, required=required_of(0.02))
     assert written.verdict is Verdict.CERTIFIED and not (tmp_path / LESS).exists()
     assert written.robustness is not None and written.robustness.sampled is not None
     assert written.robustness.sampled.period == 0.02
@@ -465,7 +480,7 @@ def test_hints_of_the_period_that_the_checker_refuses_take_nothing_else_along(ha
     whole = Hints({"hints": []}, {"hints": [], "sampled": []})
     claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
     config = yaml_of(preset("circle", ["period=0.02"]))
-    written = write_run(claimed, tmp_path, config, check=refuses, harden=lambda _: whole, asked=asked_of(0.02))
+    written = write_run(claimed, tmp_path, config, check=refuses, harden=lambda _: whole, required=required_of(0.02))
     assert written.verdict is Verdict.INCONCLUSIVE and "V does not fall as stated" in written.message
     assert confirmed(read_run(tmp_path / LESS), tmp_path / LESS, refuses).robustness is not None
 
@@ -484,7 +499,7 @@ def test_what_stops_the_run_without_the_period_leaves_nothing_certified(
     config = yaml_of(preset("circle", ["period=0.02"]))
     monkeypatch.setattr("cfjax.report.run_folder._write_without_period", fails)
     with pytest.raises((KeyboardInterrupt, NotWritten)):
-        write_run(claimed, tmp_path, config, check=checked, harden=unproven, asked=asked_of(0.02))
+        write_run(claimed, tmp_path, config, check=checked, harden=unproven, required=required_of(0.02))
     data = json.loads((tmp_path / "result.json").read_text())
     assert data["verdict"] == "inconclusive" and data["margin"]["certified"] is None
 
@@ -496,7 +511,7 @@ def test_a_run_without_the_period_that_is_not_written_leaves_no_certificate(hand
     (tmp_path / "certificate.json").write_text("{}")
     proven = hand_made(problem_of(preset("circle")), **CLAIMS)
     with pytest.raises(KeyboardInterrupt):
-        _write_without_period(asked_of(0.02), proven, tmp_path, again)
+        _write_without_period(required_of(0.02), proven, tmp_path, again)
     assert not (tmp_path / "certificate.json").exists()
 
 
@@ -507,6 +522,6 @@ def test_ctrl_c_before_the_period_is_proven_certifies_nothing(hand_made: Make, t
     claimed = hand_made(problem_of(preset("circle")), **CLAIMS)
     config = yaml_of(preset("circle", ["period=0.02"]))
     with pytest.raises(KeyboardInterrupt):
-        write_run(claimed, tmp_path, config, check=checked, harden=stops, asked=asked_of(0.02))
+        write_run(claimed, tmp_path, config, check=checked, harden=stops, required=required_of(0.02))
     assert json.loads((tmp_path / "result.json").read_text())["verdict"] == "inconclusive"
     assert json.loads((tmp_path / LESS / "result.json").read_text())["verdict"] == "certified"

@@ -8,7 +8,7 @@ import pytest
 from cfjax.baselines import PurePursuit, Stanley
 from cfjax.baselines.geometric import nearest
 from cfjax.problem import PurePursuitLaw, StanleyLaw, circle, straight
-from cfjax.problem.feedback import Asked
+from cfjax.problem.feedback import LawContext
 from cfjax.problem.geometric_laws import GeometricLaw
 from cfjax.simulation.track import Track
 from tests.simulation.test_baselines import course, state_at
@@ -29,7 +29,7 @@ def alike(track: Track, law: str) -> tuple[PurePursuit | Stanley, GeometricLaw]:
 def test_a_law_is_the_controller_of_the_same_name(path: str, law: str) -> None:
     problem, track = course(PATHS[path])
     controller, own = alike(track, law)
-    fitted = own.fitted(Asked(problem.vehicle, problem.path.steady_reference, problem.inputs, (1.0,) * 4))
+    fitted = own.fitted(LawContext(problem.vehicle, problem.path.steady_reference, problem.inputs, (1.0,) * 4))
     reference = track.at(jnp.asarray(1.0)).point
 
     def angle_of(x: jax.Array) -> jax.Array:

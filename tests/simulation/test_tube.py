@@ -14,7 +14,7 @@ from cfjax.funnel import TEMPLATES, Funnel
 from cfjax.problem import Box, Interval, Problem, ball, circle, tube
 from cfjax.simulation import drive_tube_cars
 from cfjax.simulation.loop import advance, loop_of, start
-from cfjax.simulation.tube import Bounds, _starts, drive_tube, going_on, step_length
+from cfjax.simulation.tube import TubeBounds, _starts, drive_tube, going_on, step_length
 
 
 PROBLEM = Problem(
@@ -117,7 +117,7 @@ def test_sharper_turns_than_the_tube_allows_throw_cars_out() -> None:
     wild = dataclasses.replace(TUBE, curvature=Interval(-3.6, 3.6))  # the car's own is 1/0.34 m = 2.94 1/m
     law = law_numbers(PROBLEM, FUNNEL, MARGIN, PER_METRE, TUBE.curvature)
     intervals = wild.curvature, wild.speed, wild.acceleration
-    bounds = Bounds(*((jnp.asarray(interval.lower), jnp.asarray(interval.upper)) for interval in intervals))
+    bounds = TubeBounds(*((jnp.asarray(interval.lower), jnp.asarray(interval.upper)) for interval in intervals))
     starts = _starts(jax.random.key(1), PROBLEM, FUNNEL, 300)
     loop = loop_of(PROBLEM, law, step_length(PROBLEM, TUBE, FUNNEL))
     goal = jnp.array(PROBLEM.goal.half_axes)

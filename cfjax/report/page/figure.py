@@ -39,7 +39,7 @@ def figure_of(name: str, label: str, panels: Sequence[Panel], beside: bool = Fal
     """Panels below each other, over one axis, or beside each other."""
     layout = _layout()
     traces: list[Trace] = []
-    told: set[str] = set()
+    labels: set[str] = set()
     for k, panel in enumerate(panels):
         number = str(k + 1) if k else ""
         across, up = axis(panel.across, anchor=f"y{number}"), axis(panel.up, anchor=f"x{number}")
@@ -62,14 +62,14 @@ def figure_of(name: str, label: str, panels: Sequence[Panel], beside: bool = Fal
         layout[f"xaxis{number}"], layout[f"yaxis{number}"] = across, up
         for mark in panel.marks:
             if isinstance(mark, Lines):
-                legend = {"showlegend": bool(mark.kind.label) and mark.kind.label not in told}
-                told.add(mark.kind.label)
+                legend = {"showlegend": bool(mark.kind.label) and mark.kind.label not in labels}
+                labels.add(mark.kind.label)
                 traces.append({**_trace(mark, panel), **legend, "xaxis": f"x{number}", "yaxis": f"y{number}"})
             elif isinstance(mark, Band):
                 layout["shapes"] += _shapes(mark, panel, number)
             else:
                 layout["annotations"].append(_annotation(mark, number))
-    layout["showlegend"] = len(told - {""}) > 1
+    layout["showlegend"] = len(labels - {""}) > 1
     return Figure(name, label, traces, layout, panels[0].shape or 0.0)
 
 

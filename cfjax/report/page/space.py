@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from cfjax.report.cars import Car, Ride, ride_of
+from cfjax.report.cars import CarTrace, Ride, ride_of
 from cfjax.report.marks import CARS, FUNNEL, OBSTACLE, ONE_PATH, TUBE, Kind, Lines, joined
 from cfjax.report.page.figure import FONT, INK, Figure, Trace, look, rounded
 from cfjax.report.panels import Shown
@@ -80,7 +80,7 @@ def _of_tube(result: Result) -> Figure:
     return Figure("space", "The tube along one path in three dimensions", traces, scene, views=tuple(views))
 
 
-def _heights(key: str, guide: Car | Ride | None) -> Heights:
+def _heights(key: str, guide: CarTrace | Ride | None) -> Heights:
     """Over both third axes; time is that of one car, and the reference's own where there is none."""
 
     def heights(along: np.ndarray) -> dict[str, list[Any]]:
@@ -150,7 +150,7 @@ def _lines(mark: Lines, heights: dict[str, list[Any]], thin: float = 1.0) -> Tra
     }
 
 
-def _ways(cars: list[Car], guide: Car | None, thin: float) -> list[Trace]:
+def _ways(cars: list[CarTrace], guide: CarTrace | None, thin: float) -> list[Trace]:
     """Of some cars, and of the one whose clock it is."""
     others = [car for car in cars if car is not guide][: SHOWN_CARS - 1]
     groups = [(CARS, others), (replace(CARS, label=f"car {guide.number}", width=BOLD), [guide])] if guide else []

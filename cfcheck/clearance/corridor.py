@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 from flint import acb, arb, fmpq
 
+from cfcheck.clearance.half_plane import FootprintClaim
 from cfcheck.exact.enclosure import Budget
 from cfcheck.exact.rational import rational
-from cfcheck.kernel.clearance import FootprintClaim
 from cfcheck.path.reference import ExactPose
 from cfcheck.reader import Broken
 

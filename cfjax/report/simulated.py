@@ -26,7 +26,7 @@ from cfjax.report.plot import compose
 from cfjax.report.style import STYLE
 from cfjax.result import Result
 from cfjax.rounded import MILLI, rounded_down
-from cfjax.simulate.experiment import AHEAD, Experiment
+from cfjax.simulation.experiment import AHEAD, Experiment
 from cfjax.simulation.sampled import SampledLoop
 
 
@@ -51,10 +51,10 @@ def write_simulation(experiment: Experiment, loop: SampledLoop, folder: Path, *,
 
 def summary_json(experiment: Experiment, loop: SampledLoop) -> dict[str, Any]:
     """Times in s, lengths in m; null where there is no such figure."""
-    question = dataclasses.asdict(experiment.question)
+    setup = dataclasses.asdict(experiment.setup)
     commands = experiment.problem.vehicle.command_names
     return {
-        "question": {key: str(value) if isinstance(value, Path) else value for key, value in question.items()},
+        "question": {key: str(value) if isinstance(value, Path) else value for key, value in setup.items()},
         "path": experiment.problem.path.name,
         "period": experiment.period,
         "law_inherits_certificate": experiment.inherits,
@@ -135,12 +135,12 @@ def print_summary(experiment: Experiment, loop: SampledLoop) -> None:
     console = Console()
     console.print(table)
     counts = ("arrived", "in_goal", "left_safe", "left_funnel", "failed")
-    told = ", ".join(f"{content[name]} {label}" for name, label in zip(counts, COUNTS, strict=True))
-    print(f"{content['cars']} cars, {content['started_in_funnel']} started in the funnel: {told}")
+    counted = ", ".join(f"{content[name]} {label}" for name, label in zip(counts, COUNTS, strict=True))
+    print(f"{content['cars']} cars, {content['started_in_funnel']} started in the funnel: {counted}")
     if said := account_of_period(experiment):
         print(said)
     if not experiment.inherits:
-        print(f"the law {experiment.question.law} does not inherit the certificate")
+        print(f"the law {experiment.setup.law} does not inherit the certificate")
 
 
 def account_of_period(experiment: Experiment) -> str | None:
@@ -151,15 +151,15 @@ def account_of_period(experiment: Experiment) -> str | None:
     robustness = experiment.result.robustness
     if robustness is None or not experiment.inherits:
         return None
-    ahead = robustness.sampled if experiment.question.law == AHEAD else None
+    ahead = robustness.sampled if experiment.setup.law == AHEAD else None
     period, delay = (ahead.period, ahead.delay) if ahead else (robustness.alone.period, 0.0)
     sensor, late = experiment.sensor, float(experiment.sensor.delay)
-    told, proven = f"{1e3 * experiment.period:.4g} ms", f"{rounded_down(period, 4, MILLI)} ms"
+    driven, proven = f"{1e3 * experiment.period:.4g} ms", f"{rounded_down(period, 4, MILLI)} ms"
     if late and ahead:
-        told, proven = f"{told}, delay {1e3 * late:.4g} ms", f"{proven}, {rounded_down(delay, 4, MILLI)} ms"
+        driven, proven = f"{driven}, delay {1e3 * late:.4g} ms", f"{proven}, {rounded_down(delay, 4, MILLI)} ms"
         if np.isclose(late / experiment.period, round(late / experiment.period)):  # else poses are interpolated
             sensor = dataclasses.replace(sensor, delay=0.0)
-    begin = f"control period {told}: "
+    begin = f"control period {driven}: "
     if not _is_the_model(experiment, sensor):
         return begin + f"the proven {proven} are of the model, seen exactly; of this plant and noise nothing is proven"
     if experiment.period > period or late > delay:
@@ -177,11 +177,11 @@ COUNTS = ("arrived", "of them in G", "left S", "left the funnel", "failed")
 
 
 def title_of(experiment: Experiment, loop: SampledLoop) -> str:
-    question = experiment.question
-    noise = "" if question.noise == "none" else f", noise {question.noise}"
+    setup = experiment.setup
+    noise = "" if setup.noise == "none" else f", noise {setup.noise}"
     return (
-        f"{experiment.problem.path.name}: {len(loop.arrived)} cars on {question.plant}{noise}, "
-        f"law {question.law}, every {1e3 * experiment.period:.4g} ms"
+        f"{experiment.problem.path.name}: {len(loop.arrived)} cars on {setup.plant}{noise}, "
+        f"law {setup.law}, every {1e3 * experiment.period:.4g} ms"
     )
 
 

@@ -4,13 +4,14 @@ Exit code: 0 done; 2 bad input, one line on stderr; 130 interrupted. The last li
 """
 
 import argparse
+import dataclasses
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 
 if TYPE_CHECKING:
-    from cfjax.simulate.experiment import Question
+    from cfjax.simulation.experiment import Experiment
 
 BAD_INPUT, INTERRUPTED = 2, 130
 EPILOG = """\
@@ -24,11 +25,11 @@ plants, NAME or NAME:key=value,… (SI units; steering in rad, thrust in m/s^2):
   slipx                     SlipX's double track, wheelbase 0.32 m; tens of cars               (extra: plants)
 
 noise, words and key=value, separated by commas:
-  none; mocap (heading=0.003,position=0.001,speed=0.02); wifi (delay=0.02,jitter=0.02,drop=0.05)
+  none; mocap (heading=0.003,position=0.001,speed=0.02); wifi (delay=0.02,jitter=0.02,loss=0.05)
   heading=rad, position=m, speed=m/s       standard deviations
   bias_heading=rad, bias_x=m, bias_y=m, bias_speed=m/s
   delay=s, jitter=s                        a pose is delay + jitter * U old, U uniform in [0, 1]
-  drop=share                               of samples that do not arrive: the last one stands
+  loss=share                               of samples that do not arrive: the last one stands
 """
 
 
@@ -41,7 +42,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    options = _parser().parse_args(arguments)
+    options = parser().parse_args(arguments)
     try:
         return _main(options)
     except KeyboardInterrupt:
@@ -49,53 +50,53 @@ def main(arguments: list[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def parser() -> Parser:
+    made = Parser(
         prog="python -m cfjax.simulate",
         description="Drive the cars of a certified run: a sampled controller, a plant, a sensor between them.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder")
-    parser.add_argument("--plant", default="model", help="what is driven (below); default: model")
-    parser.add_argument("--noise", default="none", help="what the controller sees (below); default: none")
-    parser.add_argument(
+    made.add_argument("folder", metavar="FOLDER", type=Path, help="a run's folder")
+    made.add_argument("--plant", default="model", help="what is driven (below); default: model")
+    made.add_argument("--noise", default="none", help="what the controller sees (below); default: none")
+    made.add_argument(
         "--law", default="min_norm", help="min_norm (default), sontag, lin_sontag; sampled: of a run with period=…"
     )
-    parser.add_argument("--n", type=int, metavar="CARS", help="default: 1000, of other people's plants 20")
-    parser.add_argument(
+    made.add_argument("--n", type=int, metavar="CARS", help="default: 1000, of other people's plants 20")
+    made.add_argument(
         "--period",
         type=float,
         metavar="S",
         help="of control; default: 0.005, or a 500th of the path; with --law sampled the one that is proven",
     )
-    parser.add_argument(
+    made.add_argument(
         "--starts",
         default="random",
         metavar="random|worst|FILE.csv",
         help="random: of I; worst: on the funnel's inlet, where V can be made to fall least; a file: columns "
         "alpha (rad; or yaw, as ROS counts it), x, y (m), v (m/s) in the world frame",
     )
-    parser.add_argument(
+    made.add_argument(
         "--frame", help="of headings in cars.csv: paper, alpha from +y; ros, yaw from +x; default: the run's"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of starts, noise and disturbance; default: 0")
-    parser.add_argument("--laps", type=int, default=1, help="of a path that closes; default: 1")
-    parser.add_argument(
+    made.add_argument("--seed", type=int, default=0, help="of starts, noise and disturbance; default: 0")
+    made.add_argument("--laps", type=int, default=1, help="of a path that closes; default: 1")
+    made.add_argument(
         "--path",
         type=Path,
         metavar="FILE",
         help="of a tube: points of the path, a CSV file with x and y (m); default: one that winds from one end of the "
         "tube's curvatures to the other",
     )
-    parser.add_argument("--vehicle", metavar="module.Class", help="of a run of your own vehicle: its class")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="where to write; default: FOLDER/simulation")
-    parser.add_argument(
+    made.add_argument("--vehicle", metavar="module.Class", help="of a run of your own vehicle: its class")
+    made.add_argument("--out", type=Path, metavar="DIR", help="where to write; default: FOLDER/simulation")
+    made.add_argument(
         "--animate",
         action="store_true",
         help="draw a car in the funnel: simulation.gif, which needs nothing that is not installed with the package",
     )
-    return parser
+    return made
 
 
 def _main(options: argparse.Namespace) -> int:
@@ -104,13 +105,12 @@ def _main(options: argparse.Namespace) -> int:
     prepare_environment()
 
     from cfjax.errors import InputError
-    from cfjax.simulate.experiment import ask, run_experiment
-    from cfjax.simulate.report import print_summary, write_simulation
+    from cfjax.report.simulated import print_summary, write_simulation
+    from cfjax.simulation.experiment import run_experiment
 
     output = options.out or options.folder / "simulation"
     try:
-        question = _question(options)
-        experiment = ask(question)
+        experiment = experiment_of(options)
         output.mkdir(parents=True, exist_ok=True)
         loop = run_experiment(experiment)
         write_simulation(experiment, loop, output, animate=options.animate)
@@ -126,11 +126,26 @@ def _main(options: argparse.Namespace) -> int:
     return BAD_INPUT
 
 
-def _question(options: argparse.Namespace) -> "Question":
-    from cfjax.simulate.experiment import Question
+def experiment_of(options: argparse.Namespace) -> "Experiment":
+    """Read the run, for a tube's run prove it along a path, and set up the experiment.
 
-    names = ("folder", "plant", "noise", "law", "n", "period", "starts", "seed", "laps", "path", "vehicle", "frame")
-    return Question(**{name: getattr(options, name) for name in names})
+    Raises:
+        InputError: says what was expected.
+    """
+    from cfjax.errors import InputError
+    from cfjax.report.run_folder import read_frame, read_run
+    from cfjax.simulation.experiment import Setup, set_up
+    from cfjax.tubes.along import along_path
+    from cfjax.verdict import Verdict
+
+    setup = Setup(**{field.name: getattr(options, field.name) for field in dataclasses.fields(Setup)})
+    result = read_run(setup.folder, setup.vehicle)
+    if result.verdict is not Verdict.CERTIFIED:
+        raise InputError(f"{setup.folder}: expected a certified run, this one is {result.verdict.value}")
+    frame = read_frame(setup.folder)
+    if result.problem.path.tube or setup.path:
+        result = along_path(result, setup.path)
+    return set_up(setup, result, frame)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""An experiment: a run's funnels, a plant, a sensor, a law and starts, from the words of a command line."""
+"""An experiment: a run's funnels with a plant, a sensor, a law and starts, set up from the words of a command line."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +13,11 @@ from cfjax.errors import InputError
 from cfjax.funnel.sampled import Holds, holds
 from cfjax.plants import HostPlant, Plant, Sensor, plant_named, sensor_named
 from cfjax.problem import Frame, Problem
-from cfjax.report.run_folder import read_frame, read_run
 from cfjax.result import Result
-from cfjax.simulate.tube_course import along_path
 from cfjax.simulation.controller import Controller, Follower, HoldFollower
 from cfjax.simulation.sampled import SampledLoop, drive_sampled
 from cfjax.simulation.starts import random_starts, read_starts, worst_starts
 from cfjax.simulation.track import Track, track_of
-from cfjax.verdict import Verdict
 
 
 PERIOD, PERIODS = 5e-3, 500  # s; and how many the reference time of the path has at least
@@ -29,8 +26,12 @@ CARS, OTHERS_CARS = 1000, 20  # unless somebody says; of plants that are stepped
 
 
 @dataclass(frozen=True)
-class Question:
-    """As on the command line, `cfjax.simulate`; None: what is usual."""
+class Setup:
+    """The words of the command line (`cfjax.simulate`); None stands for the usual value.
+
+    Raises:
+        InputError: for a law or a frame that does not exist, or fewer than one car.
+    """
 
     folder: Path
     plant: str = "model"
@@ -45,13 +46,20 @@ class Question:
     vehicle: str | None = None  # module.Class, of a run of one's own
     frame: str | None = None  # of headings in cars.csv; None: the run's
 
+    def __post_init__(self) -> None:
+        one_of("law", self.law, (*LAWS, AHEAD))
+        if self.frame is not None:
+            Frame(self.frame)
+        if self.n is not None and self.n < 1:
+            raise InputError(f"--n: expected at least one car, got {self.n}")
+
 
 @dataclass(frozen=True)
 class Experiment:
     """All that is driven."""
 
-    question: Question
-    result: Result  # of a tube's run as that of the path which is driven
+    setup: Setup
+    result: Result  # of a tube's run: that of the path which is driven
     track: Track
     plant: Plant | HostPlant
     sensor: Sensor
@@ -67,45 +75,36 @@ class Experiment:
         return self.result.problem
 
 
-def ask(question: Question) -> Experiment:
-    """Read the run and build everything.
+def set_up(setup: Setup, result: Result, frame: Frame) -> Experiment:
+    """Build everything that `setup` names around a certified result along a path; `frame` is that of the run.
 
     Raises:
         InputError: says what was expected.
     """
-    one_of("law", question.law, (*LAWS, AHEAD))
-    frame = None if question.frame is None else Frame(question.frame)
-    if question.n is not None and question.n < 1:
-        raise InputError(f"--n: expected at least one car, got {question.n}")
-    result = read_run(question.folder, question.vehicle)
-    frame = frame or read_frame(question.folder)
-    if result.verdict is not Verdict.CERTIFIED:
-        raise InputError(f"{question.folder}: expected a certified run, this one is {result.verdict.value}")
-    if result.problem.path.tube or question.path:
-        result = along_path(result, question.path)
+    frame = frame if setup.frame is None else Frame(setup.frame)
     problem = result.problem
-    plant, sensor = plant_named(question.plant, problem.vehicle), sensor_named(question.noise, problem.vehicle)
-    track = track_of(problem, result.legs, question.laps)
+    plant, sensor = plant_named(setup.plant, problem.vehicle), sensor_named(setup.noise, problem.vehicle)
+    track = track_of(problem, result.legs, setup.laps)
     duration = float(track.duration)
-    ahead = _ahead(result) if question.law == AHEAD else None
+    ahead = _ahead(result) if setup.law == AHEAD else None
     usual = min(PERIOD, duration / PERIODS) if ahead is None else float(ahead.period)
-    period = usual if question.period is None else question.period
+    period = usual if setup.period is None else setup.period
     if not 0 < period < duration:
         raise InputError(f"--period: expected seconds between 0 and the path's {duration:.4g}, got {period:g}")
     if ahead is None:
-        law = law_named(question.law)
+        law = law_named(setup.law)
         controller, inherits = Follower(track, jnp.asarray(period), law), law.inherits
     else:
         controller, inherits = HoldFollower(track, ahead, jnp.asarray(period), sensor.remembered(period)), True
-    count = question.n or (OTHERS_CARS if isinstance(plant, HostPlant) else CARS)
+    count = setup.n or (OTHERS_CARS if isinstance(plant, HostPlant) else CARS)
     theta = None
-    if question.starts == "random":
-        starts = random_starts(problem, track, count, question.seed)
-    elif question.starts == "worst":
-        starts, theta = worst_starts(track, count, question.seed), np.zeros(count)
+    if setup.starts == "random":
+        starts = random_starts(problem, track, count, setup.seed)
+    elif setup.starts == "worst":
+        starts, theta = worst_starts(track, count, setup.seed), np.zeros(count)
     else:
-        starts = read_starts(problem, Path(question.starts))[: question.n]
-    return Experiment(question, result, track, plant, sensor, controller, inherits, period, starts, frame, theta)
+        starts = read_starts(problem, Path(setup.starts))[: setup.n]
+    return Experiment(setup, result, track, plant, sensor, controller, inherits, period, starts, frame, theta)
 
 
 def _ahead(result: Result) -> Holds:
@@ -129,6 +128,6 @@ def run_experiment(experiment: Experiment) -> SampledLoop:
         period=experiment.period,
         sensor=experiment.sensor,
         theta=experiment.theta,
-        laps=experiment.question.laps,
-        seed=experiment.question.seed,
+        laps=experiment.setup.laps,
+        seed=experiment.setup.seed,
     )

@@ -1,1 +1,0 @@
-"""`python -m cfjax.simulate FOLDER`: experiments with a certified run."""
