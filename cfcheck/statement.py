@@ -16,6 +16,7 @@ from cfcheck.claims.document import Claims
 from cfcheck.claims.problem import PlacedPath, ProblemClaim
 from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation
 from cfcheck.claims.references import place_of
+from cfcheck.clearance.corridor import SIDES, are_closed
 from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.rational import Range, about, decimal_text
 from cfcheck.kernel.containment import half_widths
@@ -111,12 +112,25 @@ def _along(proven: Proven) -> tuple[str, ...]:
     said = (
         f"from {started} at theta = 0, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in the funnel V <= 1"
         f"{_kept(problem)}, until it {arrives} after {_time(arrival)}{again}",
+        _between(problem.surroundings),
         law,
         turn,
         form,
         f"V decreases there with margin lambda = {_down(min(proven.margins))} 1/s{falls} or more",
     )
     return tuple(clause for clause in said if clause)
+
+
+def _between(surroundings: SurroundingsClaim) -> str:
+    """Where a corridor is, and that the car is in it."""
+    if not surroundings.corridor:
+        return ""
+    left, right = (next(index for index, wall in enumerate(surroundings.walls) if wall.side == side) for side in SIDES)
+    stays = "; inside one of these laps and outside the other, as the body stays"
+    return (
+        f"the path begins between wall {left}, to its left, and wall {right}, to its right, which the body does not "
+        f"cross{stays if are_closed(surroundings.corridor) else ''}"
+    )
 
 
 def _lateral(claims: Claims) -> str:

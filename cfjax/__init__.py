@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cfjax.errors import InputError
     from cfjax.funnel import Contracting, Funnel, Objective, Paper
     from cfjax.options import Options
-    from cfjax.planner import Map, Plan, plan
+    from cfjax.planner import Map, Plan, plan, replan
     from cfjax.problem import (
         Box,
         Ellipsoid,
@@ -82,6 +82,7 @@ __all__ = [
     "plan",
     "plot",
     "refute",
+    "replan",
     "search",
     "slalom",
     "straight",

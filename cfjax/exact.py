@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 from flint import acb, arb, fmpq
 
+from cfcheck.clearance.corridor import SIDES, WallClaim
 from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim
-from cfcheck.clearance.surroundings import ClearanceHints, SurroundingsClaim, WallClaim
+from cfcheck.clearance.surroundings import ClearanceHints, SurroundingsClaim
 from cfcheck.exact.polynomial import Coefficients, evaluate, shifted
 from cfcheck.exact.rational import decimal_text, rational, upper_bound
 from cfcheck.path.bounds import Bounds
@@ -44,14 +45,21 @@ def exact_bounds(tube: Tube) -> Bounds:
 
 
 def exact_surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> SurroundingsClaim:
-    """Obstacles in convex parts, walls, and the body that has to clear them; without any of them no body either."""
+    """Obstacles in convex parts, walls, and the body that has to clear them; without any of them no body either.
+
+    Raises:
+        InputError: for walls of several corridors.
+    """
     if not obstacles:
         return SurroundingsClaim()
+    sides = [each.side for each in obstacles if isinstance(each, Wall) and each.side]
+    if sides and sorted(sides) != sorted(SIDES):
+        raise InputError(f"sets.corridor: expected one left and one right wall, got {', '.join(sides)}")
     solid = (hull for each in obstacles if not isinstance(each, Wall) for hull in each.hulls)
     return SurroundingsClaim(
         tuple(ObstacleClaim(_points(hull.corners), rational(hull.round)) for hull in solid),
         tuple(FootprintClaim(*exact_numbers(disc)) for disc in footprint),
-        tuple(WallClaim(_points(each.points)) for each in obstacles if isinstance(each, Wall)),
+        tuple(WallClaim(_points(each.points), each.side) for each in obstacles if isinstance(each, Wall)),
     )
 
 
@@ -240,7 +248,10 @@ def write_surroundings(surroundings: SurroundingsClaim) -> dict[str, Any]:
             {"corners": [[str(x), str(y)] for x, y in obstacle.corners], "round": str(obstacle.round)}
             for obstacle in surroundings.obstacles
         ]
-        + [{"wall": [[str(x), str(y)] for x, y in wall.points]} for wall in surroundings.walls],
+        + [
+            {"wall": [[str(x), str(y)] for x, y in wall.points], **({"side": wall.side} if wall.side else {})}
+            for wall in surroundings.walls
+        ],
         "footprint": [{"radius": str(disc.radius), "offset": str(disc.offset)} for disc in surroundings.footprint],
     }
 

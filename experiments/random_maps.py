@@ -1,25 +1,32 @@
 """Plan and certify random maps and six scenes by hand: how many are solved, how long it takes, and what cars touch.
 
-    python experiments/random_maps.py [--maps 100] [--obstacles 100] [--cars 10000]
+    python experiments/random_maps.py [--maps 100] [--obstacles 100] [--cars 10000] [--log FILE]
 
 A map is a square with discs and polygons, which may overlap, a start and a goal at places that are free for the body in
 its tube. Seeds are 0, 1, …: everybody has the same maps. Cars are drawn at random on the edge of each tube along the
-path, and shapely measures how far their bodies are from what stands in the map. The times are of one warm process.
+path, and shapely measures how far their bodies are from what stands in the map; the checker replays each proof. The
+times are the processor's, in one warm process.
 """
 
 import argparse
+import json
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path as File
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 import cfjax
+from cfcheck import Outcome as CheckOutcome
+from cfcheck import check_document
 from cfjax.planner import Map, Plan
-from cfjax.planner.planning import Unproven
+from cfjax.planner.question import Stopwatch, Unproven
 from cfjax.problem import Pose
+from cfjax.tubes.certificate import chain_document
 
 
 RADIUS = 0.25  # m, of the body
@@ -101,7 +108,7 @@ def scenes() -> Iterator[tuple[str, Scene]]:
 
 
 def least_distance(plan: Plan, shapes: list[shapely.Geometry], cars: int, seed: int) -> float:
-    """From random cars on the edge of the tubes to the shapes (m), less the radius of the body."""
+    """From random cars on the edge of the tubes to the shapes (m), less the radius of each disc of the body."""
     rng, least = np.random.default_rng(seed), math.inf
     tree, table = shapely.STRtree(shapes), np.array(shapes)
     for stretch in plan.following.tubes:
@@ -111,27 +118,102 @@ def least_distance(plan: Plan, shapes: list[shapely.Geometry], cars: int, seed: 
         w = rng.normal(size=(len(theta), len(shape)))
         off = w / np.sqrt(np.einsum("ki,ij,kj->k", w, shape, w))[:, None]
         cos, sin = np.cos(heading), np.sin(heading)
-        places = shapely.points(x + cos * off[:, 1] - sin * off[:, 2], y + sin * off[:, 1] + cos * off[:, 2])
-        least = min(least, float(shapely.distance(places, table[tree.nearest(places)]).min()))
-    return least - RADIUS
+        x, y = x + cos * off[:, 1] - sin * off[:, 2], y + sin * off[:, 1] + cos * off[:, 2]
+        ahead = heading + off[:, 0]
+        for disc in plan.footprint:
+            places = shapely.points(x - disc.offset * np.sin(ahead), y + disc.offset * np.cos(ahead))
+            least = min(least, float(shapely.distance(places, table[tree.nearest(places)]).min()) - disc.radius)
+    return least
 
 
 class Outcome(NamedTuple):
-    """What came out: the plan, or why there is none, and the time it took (s)."""
+    """What came out of a map: times (s), how near the nearest car came (m), or why there is no plan."""
 
-    plan: Plan | None
-    reason: str
-    unproven: bool
-    seconds: float
+    seed: int
+    reason: str = ""
+    unproven: bool = False
+    seconds: Mapping[str, float] = MappingProxyType({})
+    attempts: int = 0
+    nearest: float = math.inf
+
+    @property
+    def certified(self) -> bool:
+        return not self.reason
 
 
-def planned(scene: Scene) -> Outcome:
-    began = time.perf_counter()
+def planned(scene: Scene) -> Plan:
+    return cfjax.plan(Map(scene.entries, scene.bounds), scene.start, scene.goal, footprint=[[RADIUS, 0.0]])
+
+
+def outcome_of(seed: int, count: int, cars: int) -> Outcome:
+    """Of one map, its proof replayed by the checker."""
+    scene = random_scene(seed, count)
+    began = time.process_time()
     try:
-        found = cfjax.plan(Map(scene.entries, scene.bounds), scene.start, scene.goal, footprint=[[RADIUS, 0.0]])
+        found = planned(scene)
     except cfjax.InputError as error:
-        return Outcome(None, str(error), isinstance(error, Unproven), time.perf_counter() - began)
-    return Outcome(found, "", False, time.perf_counter() - began)
+        return Outcome(seed, str(error), isinstance(error, Unproven), {"total": time.process_time() - began})
+    seconds = {"total": time.process_time() - began, **found.seconds}
+    began = time.process_time()
+    report = check_document(chain_document(found.following))
+    if report.outcome is not CheckOutcome.PROVEN:
+        raise RuntimeError(f"map {seed}: the checker says {report.message}")
+    seconds["replay"] = time.process_time() - began
+    return Outcome(seed, "", False, seconds, found.attempts, least_distance(found, scene.shapes, cars, seed))
+
+
+def outcomes(maps: int, obstacles: int, cars: int, log: File | None) -> list[Outcome]:
+    """Of all maps; what stands in the log, of as many obstacles and cars, is not done again."""
+    question = {"obstacles": obstacles, "cars": cars}
+    rows = [json.loads(line) for line in log.read_text().splitlines()] if log and log.exists() else []
+    known = {row["seed"]: Outcome(**row["outcome"]) for row in rows if row["question"] == question}
+    for seed in range(maps):
+        if seed in known:
+            continue
+        known[seed] = found = outcome_of(seed, obstacles, cars)
+        if found.reason:
+            print(f"map {seed}: {found.reason}", flush=True)
+        if log:
+            with log.open("a") as file:
+                file.write(json.dumps({"question": question, "seed": seed, "outcome": found._asdict()}) + "\n")
+    return [known[seed] for seed in range(maps)]
+
+
+def table(found: list[Outcome], obstacles: int, cars: int) -> str:
+    """What docs/maps.md shows, as Markdown."""
+    solved, unproven = [each for each in found if each.certified], sum(each.unproven for each in found)
+    if not solved:
+        return "no map was solved"
+    share = 100 * len(solved) / (len(solved) + unproven)
+    at_once, touched = sum(each.attempts == 1 for each in solved), sum(each.nearest <= 0 for each in solved)
+    lines = [
+        f"| {len(found)} maps of {obstacles} obstacles | |",
+        "|---|---|",
+        f"| certified | {len(solved)}, of them {at_once} at once |",
+        f"| a way was found and not proven | {unproven}: {share:.1f} % of those with a way are certified |",
+        f"| without a way for the body in its tube | {len(found) - len(solved) - unproven} |",
+        f"| cars that touched something | in {touched} maps, of {cars * len(solved)} cars |",
+        f"| the nearest car | {1000 * min(each.nearest for each in solved):.1f} mm |",
+        "",
+        "| processor time (ms) | median | 90 % | 99 % | most |",
+        "|---|---|---|---|---|",
+    ]
+    for key in solved[0].seconds:
+        values = np.quantile([1000 * each.seconds[key] for each in solved], (0.5, 0.9, 0.99, 1))
+        lines.append(f"| {key} | {' | '.join(f'{value:.0f}' for value in values)} |")
+    return "\n".join(lines)
+
+
+def six_scenes(cars: int) -> None:
+    heads = ("obstacles", "length", "total", "search", "smooth", "proof")
+    print(f"{'scene':<12} {' '.join(f'{head:>9}' for head in heads)}  nearest car")
+    for name, scene in scenes():
+        began = time.process_time()
+        found = planned(scene)
+        seconds = time.process_time() - began
+        parts = [f"{1000 * value:6.0f} ms" for value in (seconds, *found.seconds.values())]
+        length, least = float(found.following.reference.length), least_distance(found, scene.shapes, cars, 0)
+        print(f"{name:<12} {len(scene.entries):>9} {length:7.2f} m {' '.join(parts)}  {1000 * least:.0f} mm")
 
 
 def main() -> None:
@@ -139,46 +221,13 @@ def main() -> None:
     parser.add_argument("--maps", type=int, default=100)
     parser.add_argument("--obstacles", type=int, default=100)
     parser.add_argument("--cars", type=int, default=10_000, help="of each map")
+    parser.add_argument("--log", type=File, help="a line for each map: a campaign goes on where it was stopped")
     given = parser.parse_args()
+    Stopwatch.clock = staticmethod(time.process_time)  # a busy machine matters little
     planned(random_scene(0, 5))  # what is loaded and compiled once
-    heads = ("obstacles", "length", "total", "search", "smooth", "proof")
-    print(f"{'scene':<12} {' '.join(f'{head:>9}' for head in heads)}  nearest car")
-    for name, scene in scenes():
-        outcome = planned(scene)
-        if outcome.plan is None:
-            print(f"{name:<12} {len(scene.entries):>9} {outcome.reason}")
-            continue
-        length, least = (
-            float(outcome.plan.following.reference.length),
-            least_distance(outcome.plan, scene.shapes, given.cars, 0),
-        )
-        parts = [f"{1000 * value:5.0f} ms" for value in (outcome.seconds, *outcome.plan.seconds.values())]
-        print(f"{name:<12} {len(scene.entries):>9} {length:6.2f} m {' '.join(parts)}  {1000 * least:.0f} mm")
-    found: list[Outcome] = []
-    touched, least = 0, math.inf
-    for seed in range(given.maps):
-        scene = random_scene(seed, given.obstacles)
-        outcome = planned(scene)
-        found.append(outcome)
-        if outcome.plan is None:
-            print(f"map {seed}: {outcome.reason}", flush=True)
-            continue
-        nearest = least_distance(outcome.plan, scene.shapes, given.cars, seed)
-        least, touched = min(least, nearest), touched + (nearest <= 0)
-    solved, unproven = [each.plan for each in found if each.plan], sum(each.unproven for each in found)
-    print(
-        f"{given.maps} maps of {given.obstacles} obstacles: {len(solved)} certified, {unproven} found and not proven, "
-        f"{len(found) - len(solved) - unproven} without a way by the planner alone"
-    )
-    if solved:
-        share = 100 * len(solved) / (len(solved) + unproven)
-        print(f"certified of those with a way: {share:.1f} %; at once: {sum(each.attempts == 1 for each in solved)}")
-        columns = {"total": [each.seconds for each in found if each.plan]}
-        columns |= {key: [each.seconds[key] for each in solved] for key in solved[0].seconds}
-        for key, values in columns.items():
-            median, most, all_ = (1000 * np.quantile(values, share) for share in (0.5, 0.9, 1))
-            print(f"{key:<7} median {median:.0f} ms, 90 % {most:.0f} ms, most {all_:.0f} ms")
-        print(f"{given.cars * len(solved)} cars: {touched} maps with a contact; nearest {1000 * least:.1f} mm")
+    six_scenes(given.cars)
+    found = outcomes(given.maps, given.obstacles, given.cars, given.log)
+    print(table(found, given.obstacles, given.cars))
 
 
 if __name__ == "__main__":

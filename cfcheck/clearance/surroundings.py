@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from flint import fmpq
 
+from cfcheck.clearance.corridor import SIDES, WallClaim, prove_between
 from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim, Shadow, prove_half_plane
 from cfcheck.clearance.sweep import BITS, Hull, Nearby, Normal, Sweep, length_of
 from cfcheck.exact.enclosure import Budget, TooLarge
@@ -32,12 +33,6 @@ DISC_EFFORT = 4  # of a disc on a part, before anything is near
 REACH_EFFORT = 2  # of a bound of first order; looking at 64 obstacles costs as much
 
 
-class WallClaim(NamedTuple):
-    """A polyline (m) through two points or more."""
-
-    points: tuple[tuple[fmpq, fmpq], ...]
-
-
 class SurroundingsClaim(NamedTuple):
     """Obstacles and walls, and the discs of the vehicle's body; none of them where nothing is to be cleared."""
 
@@ -53,8 +48,13 @@ class SurroundingsClaim(NamedTuple):
     @property
     def hulls(self) -> tuple[ObstacleClaim, ...]:
         """All that there is to clear, obstacles first."""
-        between = (pair for wall in self.walls for pair in itertools.pairwise(wall.points))
-        return (*self.obstacles, *(ObstacleClaim(pair, fmpq(0)) for pair in between))
+        between = (edge for wall in self.walls for edge in wall.edges)
+        return (*self.obstacles, *(ObstacleClaim(edge, fmpq(0)) for edge in between))
+
+    @property
+    def corridor(self) -> tuple[WallClaim, ...]:
+        """The walls between which the path begins."""
+        return tuple(wall for wall in self.walls if wall.side)
 
     def name(self, hull: int) -> str:
         """What is meant by one of the hulls, by its number."""
@@ -137,8 +137,8 @@ class Body(NamedTuple):
         self.budget.spend(len(self.nearby.candidates(box)) // 64)
         for hull in self.nearby.meeting(box):
             room: dict[Normal, int] = {}
+            self.budget.spend(len(hull.corners))
             for normal, length in lengths.items():
-                self.budget.spend(len(hull.corners))
                 if normal not in reaches:
                     self.budget.spend(REACH_EFFORT)
                     reaches[normal] = sweep.reach(normal)
@@ -157,6 +157,8 @@ class Body(NamedTuple):
 
 def prove_surroundings(surroundings: SurroundingsClaim, legs: Sequence[Leg], clearance: ClearanceHints) -> None:
     """Proves that no disc of the body touches a hull at any θ of a leg, wherever in its funnel the vehicle is.
+
+    That the path begins between the walls of a corridor is proven too.
 
     Raises:
         Broken: says what is not proven.
@@ -180,6 +182,7 @@ def prove_surroundings(surroundings: SurroundingsClaim, legs: Sequence[Leg], cle
             raise Broken(f"condition (c), leg {leg.index}, {surroundings.name(error.hull)}: {error}") from None
         except ValueError as error:
             raise Broken(f"condition (c), leg {leg.index}: {error}") from None
+    prove_between(surroundings.corridor, surroundings.footprint, legs[0].start, budget)
 
 
 def _longer(size: int) -> int:
@@ -276,12 +279,15 @@ def read_surroundings(obstacles: Item, footprint: Item) -> SurroundingsClaim:
     hulls, walls = [], []
     for item in obstacles.items(MOST_OBSTACLES, least=0):
         if isinstance(item.value, dict) and "wall" in item.value:
-            walls.append(WallClaim(_points(item.record("wall")[0], MOST_POINTS, 2)))
+            points, *side = item.record("wall", *item.optional("side"))
+            walls.append(WallClaim(_points(points, MOST_POINTS, 2), *(each.choice(*SIDES) for each in side)))
         else:
             corners, rounding = item.record("corners", "round")
             hulls.append(ObstacleClaim(_points(corners, MOST_CORNERS, 1), rounding.rational()))
     if sum(len(wall.points) for wall in walls) > MOST_POINTS:
         obstacles.refuse(f"walls with at most {MOST_POINTS} points together")
+    if (sides := [wall.side for wall in walls if wall.side]) and sorted(sides) != sorted(SIDES):
+        obstacles.refuse("a wall on either side of a corridor, one each")
     return SurroundingsClaim(tuple(hulls), tuple(map(_disc, footprint.items(MOST_DISCS, least=0))), tuple(walls))
 
 

@@ -58,8 +58,8 @@ class Hull(NamedTuple):
     @classmethod
     def of(cls, number: int, claim: ObstacleClaim) -> "Hull":
         """The obstacle with that number, rounded."""
-        corners = tuple((_below(x), _below(y)) for x, y in claim.corners)
-        wide = -_below(-claim.round)
+        corners = tuple([(_below(x), _below(y)) for x, y in claim.corners])
+        wide = -_below(-claim.round) if claim.round else 0
         xs, ys = [x for x, _ in corners], [y for _, y in corners]
         box = (min(xs) - wide, min(ys) - wide, max(xs) + wide + 1, max(ys) + wide + 1)
         return cls(number, claim, corners, wide, box)
@@ -67,7 +67,7 @@ class Hull(NamedTuple):
     def nearest(self, normal: Normal, length: int) -> int:
         """At most n·p for all of its points p, in units; `length` as `length_of`."""
         x, y = normal
-        corner = min(x * cx + y * cy for cx, cy in self.corners) + min(x, 0) + min(y, 0)
+        corner = min([x * cx + y * cy for cx, cy in self.corners]) + min(x, 0) + min(y, 0)
         return corner - (self.round * length >> BITS) - 1 if self.round else corner
 
 

@@ -71,6 +71,8 @@ class Level(abc.ABC):
 
     def extent(self, span: Range) -> Range:
         """The same of all ρ(θ) with θ from one end of the span to the other."""
+        if not self.rate:
+            return fmpq(1), fmpq(1)
         (first_low, first_high), (last_low, last_high) = map(self.bounds, span)
         return min(first_low, last_low), max(first_high, last_high)
 

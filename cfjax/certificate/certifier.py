@@ -253,6 +253,8 @@ def _prove_sets(
         ratios.append(ratio)
     try:
         return tuple(ratios), write_clearance(find_clearance(claim.surroundings, claims.legs))
+    except Broken as error:
+        raise fail(str(error)) from None
     except NotClear as error:
         place = place_on(problem.path, error.leg, error.theta, error.theta)
         raise fail(f"condition (c), segment {error.leg}, {error}", place) from None

@@ -11,13 +11,16 @@ is nearer than that, the piece is looked at by samples, cut where directions hav
 closely.
 """
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from cfcheck.clearance.corridor import prove_between
 from cfcheck.clearance.surroundings import (
     CLEARANCE_EFFORT,
     MOST_NORMALS,
@@ -55,15 +58,24 @@ class NotClear(ValueError):
         self.theta, self.leg, self.hull = theta, leg, hull
 
 
-def find_clearance(
-    surroundings: SurroundingsClaim, legs: Sequence[Leg], hulls: Hulls | None = None, along: Along | None = None
-) -> ClearanceHints:
-    """Stretches with normals along every leg that `prove_surroundings` accepts; none where there is nothing to clear.
+Known = Mapping[int, Sequence[ClearStretch]]
+"""What is proven of pieces of a path, by their numbers; `end` counts from where each begins."""
 
-    `hulls` and `along`, of the legs' whole path, are given by whoever has them.
+
+def find_clearance(
+    surroundings: SurroundingsClaim,
+    legs: Sequence[Leg],
+    hulls: Hulls | None = None,
+    along: Along | None = None,
+    known: Known = MappingProxyType({}),
+) -> ClearanceHints:
+    """Stretches with normals along every leg that `prove_surroundings` accepts; none where nothing is to be cleared.
+
+    `hulls` and `along`, of the legs' whole path, are given by whoever has them; what is known is not proven again.
 
     Raises:
         NotClear: where the body may touch an obstacle or a wall.
+        Broken: the path does not begin between the walls of a corridor.
         ValueError: all proofs together are more than the checker takes, or a funnel ends before its leg does.
     """
     if surroundings.is_empty:
@@ -76,10 +88,12 @@ def find_clearance(
         body = Body(shadows_of(leg, surroundings.footprint), nearby, budget)
         search = SeparationSearch(leg, body, hulls)
         try:
-            found.append(search.stretches(along.some(slice(leg.begin, leg.end))))
+            own = {index - leg.begin: known[index] for index in range(leg.begin, leg.end) if index in known}
+            found.append(search.stretches(along.some(slice(leg.begin, leg.end)), own))
         except NotClear as failure:
             error = search.deepest() or failure
             raise NotClear(f"{surroundings.name(error.hull)}: {error}", error.theta, leg.index, error.hull) from None
+    prove_between(surroundings.corridor, surroundings.footprint, legs[0].start, budget)
     return tuple(found)
 
 
@@ -95,20 +109,26 @@ class SeparationSearch:
     def _discs(self) -> list[FunnelDisc]:
         return [FunnelDisc.of(shadow) for shadow in self.body.shadows]
 
-    def stretches(self, along: Along) -> tuple[ClearStretch, ...]:
-        """From θ = 0 to the leg's end; `along` are its pieces.
+    def stretches(self, along: Along, known: Known) -> tuple[ClearStretch, ...]:
+        """From θ = 0 to the leg's end; `along` are its pieces, and `known` what is proven of some of them.
 
         Raises:
             NotClear: where none is found.
         """
-        level = levels_of(self.leg)
-        tables = [rows_of(self.hulls, along, level, disc) for disc in self._discs]
+        fresh = np.array([index for index in range(len(along.way)) if index not in known], int)
+        level = levels_of(self.leg)[fresh]
+        tables = [rows_of(self.hulls, along.some(fresh), level, disc) for disc in self._discs]
         poses = self.leg.reference.piece_poses[self.leg.begin : self.leg.end + 1]
         cuts = [np.searchsorted(rows.piece, np.arange(len(level) + 1)) for rows in tables]
         shared: list[int] | None = None  # of the stretch that may go on
         found: list[ClearStretch] = []
         for index, piece in enumerate(self.leg.pieces):
-            room = [rows.room[cut[index] : cut[index + 1]] for rows, cut in zip(tables, cuts, strict=True)]
+            if index in known:
+                found += [ClearStretch(piece.theta + each.end, each.normals) for each in known[index]]
+                shared = None
+                continue
+            row = int(np.searchsorted(fresh, index))
+            room = [rows.room[cut[row] : cut[row + 1]] for rows, cut in zip(tables, cuts, strict=True)]
             chosen = _cover(np.concatenate(room) > SAFE, shared or [])
             start, end = poses[index : index + 2]
             normals = tuple(FAN.normals[k] for k in chosen or ())
@@ -120,7 +140,7 @@ class SeparationSearch:
                 found.pop()
             found.append(ClearStretch(piece.theta + piece.duration, normals))
             shared = chosen
-        return tuple(found)
+        return _joined(found)
 
     def _closely(self, part: Piece, start: ExactPose, end: ExactPose, halvings: int) -> list[ClearStretch]:
         """Along a part of a piece, by samples; halved where no directions serve all along it."""
@@ -240,6 +260,12 @@ def _cover(serves: Bool[np.ndarray, "n k"], shared: Sequence[int]) -> list[int] 
         chosen.append(int(best[len(best) // 2]))
         left &= ~serves[:, chosen[-1]]
     return _cover(serves, []) if shared and len(chosen) > SHARED else chosen
+
+
+def _joined(stretches: Sequence[ClearStretch]) -> tuple[ClearStretch, ...]:
+    """The same, those that follow each other with the same normals as one."""
+    groups = itertools.groupby(stretches, key=lambda stretch: stretch.normals)
+    return tuple(list(group)[-1] for _, group in groups)
 
 
 def _segment(part: Piece, pose: ExactPose) -> Segment:

@@ -1,7 +1,8 @@
 """What there is to clear, and how far a body reaches, on arrays: the checker's geometry in floating point.
 
 `reaches` is the checker's bound of first order (`cfcheck.clearance.sweep`), for all pieces of a path and all directions
-of a fan at once; `Disc.reach` is how far a disc gets at single poses, without what its turn adds in higher orders.
+of a fan at once; `FunnelDisc.reach` is how far a disc gets at single poses, without what its turn adds in higher
+orders.
 """
 
 from collections.abc import Sequence
@@ -178,10 +179,17 @@ class Rows(NamedTuple):
     room: Float[np.ndarray, "n k"]  # m
 
 
+def near_rows(
+    hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: FunnelDisc
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Pairs of a piece and a hull that a disc may come near to on it."""
+    apart = (along.apart() + disc.size(level))[:, None]
+    return hulls.near(np.minimum(along.start, along.end) - apart, np.maximum(along.start, along.end) + apart)
+
+
 def rows_of(hulls: Hulls, along: Along, level: Float[np.ndarray, " p"], disc: FunnelDisc, every: int = 1) -> Rows:
     """All of them that the checker may ask for, of one disc; `every` so many directions of the fan."""
-    apart = (along.apart() + disc.size(level))[:, None]
-    piece, hull = hulls.near(np.minimum(along.start, along.end) - apart, np.maximum(along.start, along.end) + apart)
+    piece, hull = near_rows(hulls, along, level, disc)
     reach = reaches(along, level, disc, FAN.units[::every])
     return Rows(piece, hull, hulls.support[hull, ::every] - reach[piece])
 

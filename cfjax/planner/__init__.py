@@ -2,7 +2,7 @@
 
 from cfjax.planner.map import Map
 from cfjax.planner.map_file import read_map
-from cfjax.planner.planning import Plan, plan
+from cfjax.planner.planning import Plan, plan, replan
 
 
-__all__ = ["Map", "Plan", "plan", "read_map"]
+__all__ = ["Map", "Plan", "plan", "read_map", "replan"]

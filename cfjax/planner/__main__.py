@@ -13,14 +13,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m cfjax.planner", description="Find a path through a map, and prove that a car on it is clear."
     )
-    pose = {"type": float, "nargs": 3, "metavar": ("X", "Y", "HEADING"), "required": True}
-    parser.add_argument("map", metavar="MAP", type=Path, help="a .yaml of obstacles or of a ROS map server, or GeoJSON")
-    parser.add_argument("--start", **pose, help="m, m and rad, 0 along +y: yaw less pi/2")
+    pose = {"type": float, "nargs": 3, "metavar": ("X", "Y", "HEADING")}
+    kinds = "a .yaml of obstacles or of a ROS map server, GeoJSON, or CommonRoad's XML"
+    parser.add_argument("map", metavar="MAP", type=Path, help=kinds)
+    parser.add_argument("--start", **pose, help="m, m and rad, 0 along +y: yaw less pi/2; default: that of the scene")
     parser.add_argument("--goal", **pose, help="as the start")
+    parser.add_argument("--wheelbase", type=float, metavar="M", help="of the car (0.34)")
     parser.add_argument("--speed", type=float, default=2.0, metavar="M/S", help="the most (2)")
     parser.add_argument("--lateral-acceleration", type=float, default=4.0, metavar="M/S²", help="the most (4)")
     parser.add_argument(
-        "--radius", type=float, default=0.25, metavar="M", help="of the body, around its rear axle (0.25)"
+        "--footprint", nargs=2, type=float, action="append", metavar=("R", "OFFSET"), help="a disc of the body (0.25 0)"
     )
     parser.add_argument("--unknown-is-free", action="store_true", help="cells of a grid of which nothing is known")
     parser.add_argument("--certificate", type=Path, metavar="FILE", help="where the proof goes")
@@ -29,13 +31,15 @@ def main(arguments: list[str] | None = None) -> int:
 
     from cfjax.errors import InputError
     from cfjax.planner import plan, read_map
+    from cfjax.problem import FootprintDisc, KinematicBicycle
 
     try:
         found = plan(
             read_map(given.map, unknown_is_free=given.unknown_is_free),
             given.start,
             given.goal,
-            footprint=[[given.radius, 0.0]],
+            vehicle=None if given.wheelbase is None else KinematicBicycle(given.wheelbase),
+            footprint=given.footprint or [FootprintDisc()],
             speed=given.speed,
             lateral_acceleration=given.lateral_acceleration,
         )

@@ -5,6 +5,7 @@ Places are complex numbers x + iy in m, directions of motion in rad from +x, cur
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -35,6 +36,23 @@ class Bends:
         lengths = np.repeat([length / count for (_, length), count in zip(arcs, parts, strict=True)], parts)
         curvature = np.repeat([curvature for curvature, _ in arcs], parts)
         return cls(*start, lengths, curvature, curvature)
+
+    @cached_property
+    def ends(self) -> list[tuple[complex, float]]:
+        """Places and directions at the start and at the end of each piece."""
+        places, directions = self.poses()
+        return list(zip(places.tolist(), directions.tolist(), strict=True))
+
+    def some(self, pieces: int) -> "Bends":
+        """So many pieces from the start on."""
+        return Bends(self.place, self.direction, self.length[:pieces], self.begin[:pieces], self.end[:pieces])
+
+    def then(self, other: "Bends") -> "Bends":
+        """This one and then another one, which begins where it ends."""
+        joined = (
+            np.concatenate([getattr(each, name) for each in (self, other)]) for name in ("length", "begin", "end")
+        )
+        return Bends(self.place, self.direction, *joined)
 
     @property
     def sharpest(self) -> float:

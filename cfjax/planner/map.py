@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from cfjax.coerce import Numbers, keep, listed, numbers, refuse, text
 from cfjax.errors import InputError
 from cfjax.planner.convex import Solid, convex_parts
-from cfjax.problem import Disc, Obstacle, Polygon, Wall
+from cfjax.problem import Disc, Obstacle, Polygon, Pose, Wall
 from cfjax.problem.obstacles import obstacles_of
 
 
@@ -38,6 +38,8 @@ class Map:
             which need not be convex, or a list of these, which are one obstacle.
         bounds: lower corner, upper corner.
         source: what it was read from, for messages.
+        names: what each entry is called in messages; None: "obstacle" and its number.
+        start: a pose from which one may plan, if the map knows one; `goal` likewise.
 
     Raises:
         InputError: for anything else, polygons that cross themselves, and bounds without an area.
@@ -47,26 +49,33 @@ class Map:
     labels: tuple[str, ...]
     bounds: tuple[float, float, float, float] | None
     source: str
+    start: Pose | None
+    goal: Pose | None
 
     def __init__(
         self,
         obstacles: Sequence[Obstacle | Mapping | BaseGeometry | Sequence] = (),
         bounds: Numbers | None = None,
         source: str = "map",
+        *,
+        names: Sequence[str] | None = None,
+        start: Pose | None = None,
+        goal: Pose | None = None,
     ) -> None:
         source = text("source of a map", source)
         entries = [obstacles] if isinstance(obstacles, Mapping | str) else listed(obstacles)
         if entries is None:
             refuse(f"{source}: obstacles", "a list, empty for none", obstacles)
+        called = [f"obstacle {index}" for index in range(len(entries))] if names is None else names
         found = [
-            (part, f"obstacle {index}")
-            for index, entry in enumerate(entries)
-            for part in _convex(f"{source}: obstacle {index}", entry)
+            (part, label)
+            for label, entry in zip(called, entries, strict=True)
+            for part in _convex(f"{source}: {label}", entry)
         ]
         rectangle = None if bounds is None else _rectangle(f"{source}: bounds", bounds)
         found += [] if rectangle is None else _walls(rectangle)
         parts, labels = tuple(part for part, _ in found), tuple(label for _, label in found)
-        keep(self, obstacles=parts, labels=labels, bounds=rectangle, source=source)
+        keep(self, obstacles=parts, labels=labels, bounds=rectangle, source=source, start=start, goal=goal)
 
     @cached_property
     def shapes(self) -> np.ndarray:

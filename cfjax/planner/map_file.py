@@ -2,6 +2,7 @@
 
 * YAML with `obstacles`, as `Map` takes them, and perhaps `bounds`: [x, y, x, y], in m.
 * YAML with `image`, `resolution`, `origin`: an occupancy grid in the frame of ROS, whose x and y are ours.
+* CommonRoad's XML (`cfjax.planner.commonroad`).
 * GeoJSON: the polygons of its features, in m. Files in degrees, as RFC 7946 has them, are refused.
 """
 
@@ -20,6 +21,7 @@ from shapely.geometry.base import BaseGeometry
 
 from cfjax.coerce import file, flag, listed, number, numbers
 from cfjax.errors import InputError
+from cfjax.planner.commonroad import commonroad_map
 from cfjax.planner.map import Map
 
 
@@ -39,6 +41,8 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> Map:
     """
     path, unknown_is_free = file("map", path), flag("unknown_is_free", unknown_is_free)
     content = _parsed(path)
+    if isinstance(content, Map):
+        return _of_moderate_size(path, content)
     if not isinstance(content, Mapping):
         raise InputError(f"{path}: expected a map with obstacles, an image or features, got {type(content).__name__}")
     if "image" in content:
@@ -53,18 +57,27 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> Map:
         raise InputError(
             f"{path}: expected obstacles, an image or GeoJSON, got {', '.join(map(str, content)) or 'none'}"
         )
+    return _of_moderate_size(path, found)
+
+
+def _of_moderate_size(path: Path, found: Map) -> Map:
     if len(found.obstacles) > MOST_PARTS:
         raise InputError(f"{path}: expected at most {MOST_PARTS} convex obstacles, got {len(found.obstacles)}")
     return found
 
 
 def _parsed(path: Path) -> Any:
+    """The content of YAML or JSON, the map of a scene in XML."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: expected text (YAML or GeoJSON), got other bytes; a grid needs its .yaml") from None
+        raise InputError(
+            f"{path}: expected text (YAML, GeoJSON or XML), got other bytes; a grid needs its .yaml"
+        ) from None
     except OSError as error:
         raise InputError(f"{path}: expected the file of a map, it cannot be read ({error.strerror})") from None
+    if text.lstrip().startswith("<"):
+        return commonroad_map(path, text)
     try:
         return json.loads(text) if text.lstrip().startswith("{") else yaml.safe_load(text)
     except (ValueError, RecursionError, yaml.YAMLError) as error:

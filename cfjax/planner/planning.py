@@ -1,27 +1,23 @@
 """From a map to a certified path: search, smooth, prove; and where the proof fails, plan around what was in the way."""
 
 import html
-import math
 import re
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as File
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cfjax.coerce import Number, Numbers, instances, number, numbers, optional, text, whole
+from cfjax.coerce import Number, Numbers, instance, instances, number, numbers, optional, text, whole
 from cfjax.errors import InputError
 from cfjax.lazy import public
 from cfjax.planner.bends import Bends
-from cfjax.planner.field import Field, field_of
 from cfjax.planner.map import Map
 from cfjax.planner.map_file import read_map
+from cfjax.planner.question import CHECKED, SOFT, Question, Stopwatch, Unproven, at_place
 from cfjax.planner.room import PlanLimits, limits_of
-from cfjax.planner.search import Node, NoWay, Search
-from cfjax.planner.smooth import smoothed
-from cfjax.planner.widest import widest_gap
+from cfjax.planner.search import Node
 from cfjax.problem import FootprintDisc, KinematicBicycle, Path, Pose, Vehicle
 from cfjax.problem.frames import QUARTER, RosPose, pose_from_ros
 from cfjax.problem.obstacles import footprint_of
@@ -33,20 +29,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# lengths in radii of the tightest bend
-GRID = 0.2  # between the nodes of the distance field
-SOFT = 0.6  # beside obstacles, wherever there is room
-SPARE = 0.06  # beside obstacles, more than the tube needs, where the path is smoothed
-AROUND = 8.0  # around start, goal and obstacles of a map without bounds
-GROWTH = 0.1  # of an obstacle that was in the way
-LONGEST_PIECE = 0.6
-MOST_CELLS = 4_000_000  # of the distance field: a larger map has a coarser one
-SEARCHED = 0.9  # of the curvature that a path may have is what the search uses
-CHECKED = 4  # places of a piece at which clearance is looked at, before it is proven
+
+GROWTH = 0.1  # of an obstacle that was in the way, in radii of the tightest bend
+RETREATS = (6.0, 12.0, 24.0)  # the same: so far before what is in the way a new way leaves the old one, nearest first
 
 
-class Unproven(InputError):
-    """A way was found, for the body in its tube, and none was proven."""
+class Wanted(NamedTuple):
+    """What is asked of a plan besides its map and its poses: as `plan` has it."""
+
+    vehicle: Vehicle | None
+    tubes: Sequence[CertifiedTube] | None
+    footprint: tuple[FootprintDisc, ...]
+    limits: PlanLimits
+    attempts: int
+    name: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +58,18 @@ class Plan:
     map: Map
     start: Pose
     goal: Pose
-    footprint: tuple[FootprintDisc, ...]
+    bends: Bends
+    wanted: Wanted
     spare: float
     place: tuple[float, float]
     beside: str
     attempts: int
     seconds: dict[str, float]
+
+    @property
+    def footprint(self) -> tuple[FootprintDisc, ...]:
+        """Discs that stand for the body, m."""
+        return self.wanted.footprint
 
     @property
     def path(self) -> Path:
@@ -93,7 +95,7 @@ class Plan:
         again = f", {self.attempts} attempts" if self.attempts > 1 else ""
         beside = "no obstacles"
         if self.beside:
-            beside = f"{1000 * self.spare:.0f} mm to spare beside {self.beside} at {_at(complex(*self.place))}"
+            beside = f"{1000 * self.spare:.0f} mm to spare beside {self.beside} at {at_place(complex(*self.place))}"
         first = f"plan in {self.map.source}: {length:.4g} m, {beside} ({took}{again})"
         return "\n".join([first, *self.following.describe().splitlines()[1:]])
 
@@ -109,8 +111,8 @@ class Plan:
 
 def plan(
     map: Map | Sequence | str | File,
-    start: Numbers,
-    goal: Numbers,
+    start: Numbers | None = None,
+    goal: Numbers | None = None,
     *,
     vehicle: Vehicle | None = None,
     footprint: Sequence[FootprintDisc] | Numbers = (FootprintDisc(),),
@@ -128,8 +130,8 @@ def plan(
 
     Args:
         map: obstacles and bounds, m; or the name of a file (`read_map`), or a list of obstacles.
-        start: a `Pose`, a `RosPose`, or [x, y, heading] (m and rad, 0 along +y), in the frame of the map.
-        goal: the pose at the end.
+        start: a `Pose`, a `RosPose`, or [x, y, heading] (m and rad, 0 along +y) in the frame of the map; None: its own.
+        goal: the pose at the end, likewise.
         vehicle: what drives; None: the Parkour car.
         footprint: discs [radius, offset along the forward axis] that stand for its body, m.
         tubes: those that may be used; None: those of the package for the vehicle.
@@ -142,7 +144,7 @@ def plan(
         InputError: for a start or goal outside the map or too near to an obstacle, where there is no way, and where
             none is proven: which obstacle is in the way, where, and by how much.
     """
-    map = map if isinstance(map, Map) else read_map(map) if isinstance(map, str | File) else Map(map)
+    map = _map_of(map)
     optional("vehicle", vehicle, Vehicle)
     discs, speed, name = footprint_of(footprint), speed_of(speed), text("name", name)
     lateral = number("lateral_acceleration", lateral_acceleration, "m/s²", above=0)
@@ -151,40 +153,124 @@ def plan(
     offered = library(car) if tubes is None else instances("tubes", tubes, CertifiedTube)
     if not offered:
         raise InputError("tubes: expected at least one for the vehicle, got none")
-    poses = _pose("start", start), _pose("goal", goal)
-    limits = limits_of(offered, speed, lateral, discs)
-    question = _Question(map, _node(poses[0]), _node(poses[1]), limits)
+    poses = _pose("start", start, map.start), _pose("goal", goal, map.goal)
+    wanted = Wanted(vehicle, tubes, discs, limits_of(offered, speed, lateral, discs), attempts, name)
+    question = Question(map, _node(poses[0]), _node(poses[1]), wanted.limits)
     question.check_ends()
-    seconds = {"search": 0.0, "smooth": 0.0, "proof": 0.0}
-    grown, refused = np.zeros(len(map.obstacles)), ""
-    for attempt in range(1, attempts + 1):
-        bends = question.way(grown, refused, seconds)
-        began = time.perf_counter()
+    return _solved(question, poses, wanted, Stopwatch())
+
+
+def replan(plan: Plan, map: Map | Sequence | str | File, *, driven: Number = 0.0) -> Plan:
+    """The same plan in a map that has changed: what is still true of its proof is not proven again.
+
+    Where nothing new is in the way the path stays, and clearance is proven anew near new obstacles alone. Else the path
+    stays up to some radii before the first place that is blocked, or longer where a way leads on from there alone.
+
+    Args:
+        plan: as `cfjax.plan` or this function returned it.
+        map: the map as it is now, in the forms of `cfjax.plan`.
+        driven: metres of the path that may not change, for the car was or is there.
+
+    Raises:
+        InputError: as `cfjax.plan`, and where what is new touches the part that may not change.
+    """
+    instance("plan", plan, Plan)
+    map, driven = _map_of(map), number("driven", driven, "m", least=0)
+    old, wanted, watch = plan.bends, plan.wanted, Stopwatch()
+    poses, ahead = (plan.start, plan.goal), Question(map, old.ends[0], _node(plan.goal), plan.wanted.limits)
+    spare, beyond = ahead.spare(old), 1 + CHECKED * int(np.searchsorted(old.arc, driven))
+    if spare.min() >= 0:
         try:
-            following = follow(
-                bends.path(name, speed, lateral, limits.acceleration),
-                tubes,
-                vehicle=vehicle,
-                obstacles=map.obstacles,
-                footprint=discs,
-            )
+            return _solved(ahead, poses, wanted._replace(attempts=1), watch, plan, len(old.length))
+        except Unproven:
+            blocked = int(spare.argmin())
+    else:
+        blocked = int((spare < 0).argmax())
+    if blocked < beyond:
+        place = at_place(complex(old.poses(CHECKED)[0][blocked]))
+        raise InputError(f"{map.source}: what may not change of the path, {driven:g} m, is blocked at {place}")
+    first = int(np.searchsorted(old.arc, driven))
+    reason: InputError | None = None
+    for retreat in (*RETREATS, np.inf):
+        leave = old.arc[(blocked - 1) // CHECKED] - retreat / wanted.limits.curvature
+        kept = max(first, int(np.searchsorted(old.arc, leave, side="right")) - 1)
+        question = Question(map, old.ends[kept], _node(plan.goal), wanted.limits)
+        try:
+            return _solved(question, poses, wanted, watch, plan, kept, first)
+        except InputError as error:
+            reason = error
+        if kept == first:
+            break
+    assert reason is not None  # nothing was returned
+    raise reason
+
+
+def _map_of(map: Map | Sequence | str | File) -> Map:
+    return map if isinstance(map, Map) else read_map(map) if isinstance(map, str | File) else Map(map)
+
+
+def _solved(
+    question: Question,
+    poses: tuple[Pose, Pose],
+    wanted: Wanted,
+    watch: Stopwatch,
+    earlier: Plan | None = None,
+    kept: int = 0,
+    fixed: int = 0,
+) -> Plan:
+    """The plan by a way that is proven; behind `kept` pieces of an earlier one, `fixed` of them with its speed.
+
+    Raises:
+        InputError: where there is no way, or none is proven.
+    """
+    map, limits = question.map, wanted.limits
+    before = None if earlier is None else earlier.bends.some(kept)
+    grown, refused = np.zeros(len(map.obstacles)), ""
+    for attempt in range(1, wanted.attempts + 1):
+        bends = before if earlier and kept == len(earlier.bends.length) else question.way(grown, refused, watch)
+        assert bends is not None  # of an earlier plan
+        bends = bends if before is None or bends is before else before.then(bends)
+        path = bends.path(wanted.name, limits.speed, limits.lateral, limits.acceleration)
+        if earlier is not None and not _begin_alike(path, earlier, fixed):
+            raise InputError(f"{map.source}: no way leads on from what may not change of the path at its speed there")
+        try:
+            with watch.during("proof"):
+                following = follow(
+                    path,
+                    wanted.tubes,
+                    vehicle=wanted.vehicle,
+                    obstacles=map.obstacles,
+                    footprint=wanted.footprint,
+                    earlier=None if earlier is None else earlier.following,
+                )
         except InputError as error:
             spare, place, nearest = question.least(bends)
             if not spare < SOFT / limits.curvature:
                 raise
             said = re.sub(r"obstacle (\d+)", lambda found: map.labels[int(found[1])], str(error))
-            refused = f"{map.labels[nearest]} is in the way at {_at(place)}: {said}"
+            refused = f"{map.labels[nearest]} is in the way at {at_place(place)}: {said}"
             grown[nearest] += GROWTH / limits.curvature
             continue
-        finally:
-            seconds["proof"] += time.perf_counter() - began
         spare, place, nearest = question.least(bends)
-        beside = map.labels[nearest] if nearest >= 0 else ""
-        return Plan(following, map, *poses, discs, spare, (place.real, place.imag), beside, attempt, seconds)
-    raise Unproven(f"{map.source}: no path was proven in {attempts} attempts; {refused}")
+        beside, at = map.labels[nearest] if nearest >= 0 else "", (place.real, place.imag)
+        return Plan(following, map, *poses, bends, wanted, spare, at, beside, attempt, watch.seconds)
+    raise Unproven(f"{map.source}: no path was proven in {wanted.attempts} attempts; {refused}")
 
 
-def _pose(name: str, value: object) -> Pose:
+def _begin_alike(path: Path, earlier: Plan, pieces: int) -> bool:
+    """Whether so many pieces of a path are those of the earlier one, with their speeds."""
+    limits = earlier.wanted.limits
+    old = earlier.bends.path(path.name, limits.speed, limits.lateral, limits.acceleration).curve[0].speed
+    new = path.curve[0].speed
+    return (
+        new.breaks[: pieces + 1] == old.breaks[: pieces + 1] and new.coefficients[:pieces] == old.coefficients[:pieces]
+    )
+
+
+def _pose(name: str, value: object, known: Pose | None) -> Pose:
+    if value is None and known is None:
+        raise InputError(f"{name}: expected a pose [x, y, heading], which the map does not have, got none")
+    value = known if value is None else value
     if isinstance(value, RosPose):
         value = pose_from_ros(value)
     if isinstance(value, Pose):
@@ -195,104 +281,3 @@ def _pose(name: str, value: object) -> Pose:
 
 def _node(pose: Pose) -> Node:
     return complex(pose.x, pose.y), pose.alpha + QUARTER
-
-
-@dataclass(frozen=True, eq=False)
-class _Question:
-    """Which way leads from start to goal with so much room."""
-
-    map: Map
-    start: Node
-    goal: Node
-    limits: PlanLimits
-
-    def check_ends(self) -> None:
-        """Raises InputError where the body in its tube cannot stand at the start or at the goal."""
-        for name, (place, direction) in (("start", self.start), ("goal", self.goal)):
-            if self.map.bounds is not None and (outside := _outside(self.map.bounds, place)) > 0:
-                left, bottom, right, top = self.map.bounds
-                raise InputError(
-                    f"{name}: expected a place in {self.map.source}, [{left:g}, {right:g}] x [{bottom:g}, {top:g}] m, "
-                    f"got {_at(place)}, {outside:.3g} m outside"
-                )
-            spare, _, nearest = self._least(np.array([place]), np.array([direction]))
-            if spare < 0:
-                raise InputError(
-                    f"{name}: expected a place where the body in its tube touches nothing, got {_at(place)} with "
-                    f"{-spare:.3g} m too little beside {self.map.labels[nearest]} of {self.map.source}"
-                )
-
-    def way(self, grown: np.ndarray, refused: str, seconds: dict[str, float]) -> Bends:
-        """A way that is clear as far as samples tell, its curvature continuous if such a one is found.
-
-        Raises:
-            InputError: where there is none; `refused` says why an earlier one would not do.
-        """
-        began = time.perf_counter()
-        limits, radius = self.limits, 1 / (SEARCHED * self.limits.curvature)
-        field = self._field(grown, radius)
-        try:
-            arcs = Search(field, limits.body, self.goal, 1 / radius, SOFT * radius).way(self.start)
-        except NoWay as error:
-            if refused:
-                raise Unproven(f"{self.map.source}: no path was proven, and there is no other; {refused}") from None
-            raise InputError(f"{self.map.source}: {self._why(field, error)}") from None
-        seconds["search"] += time.perf_counter() - began
-        began = time.perf_counter()
-        found = smoothed(arcs, self.start, self.goal, field, limits.body, radius, SPARE * radius)
-        if found is None or found.sharpest > limits.curvature or self.least(found)[0] < 0:
-            found = Bends.along(arcs, self.start, LONGEST_PIECE * radius)
-        seconds["smooth"] += time.perf_counter() - began
-        return found
-
-    def least(self, bends: Bends) -> tuple[float, complex, int]:
-        """The least room to spare (m) along a way, where, and beside which obstacle; infinite and -1 without any."""
-        return self._least(*bends.poses(CHECKED))
-
-    def _least(self, places: np.ndarray, directions: np.ndarray) -> tuple[float, complex, int]:
-        body = self.limits.body
-        centres = places[:, None] + np.exp(1j * directions)[:, None] * body.offset
-        distance, nearest = self.map.nearest(centres.ravel())
-        spare = (distance.reshape(centres.shape) - body.need).ravel()
-        worst = int(spare.argmin())
-        return float(spare[worst]), complex(centres.ravel()[worst]), int(nearest[worst])
-
-    def _field(self, grown: np.ndarray, radius: float) -> Field:
-        body = self.limits.body
-        rectangle = self.map.bounds or self._around(AROUND * radius + float(body.need.max()))
-        left, bottom, right, top = rectangle
-        step = max(GRID * radius, math.sqrt((right - left) * (top - bottom) / MOST_CELLS))
-        reach = float(body.need.max()) + SOFT * radius + 2 * step
-        return field_of(self.map.obstacles, grown, rectangle, step, reach)
-
-    def _around(self, margin: float) -> tuple[float, float, float, float]:
-        """A rectangle around all obstacles, start and goal."""
-        ends = np.array([[place.real, place.imag] for place, _ in (self.start, self.goal)])
-        boxes = np.array([shape.bounds for shape in self.map.shapes]).reshape(-1, 4)
-        low = np.vstack([ends, boxes[:, :2]]).min(axis=0) - margin
-        high = np.vstack([ends, boxes[:, 2:]]).max(axis=0) + margin
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-    def _why(self, field: Field, error: NoWay) -> str:
-        """Where it is too narrow, or that bends are too tight."""
-        needed = self.limits.body.middle
-        half, place = widest_gap(field, self.start[0], self.goal[0])
-        way = f"no way from {_at(self.start[0])} to {_at(self.goal[0])}"
-        if half >= needed:
-            return f"{way} was found: {error} {1 / (SEARCHED * self.limits.curvature):.3g} m"
-        _, nearest = self.map.nearest(np.array([place]))
-        beside = f" beside {self.map.labels[nearest[0]]}" if nearest[0] >= 0 else ""
-        room = f"has {2 * half:.3g} m" if half > 0 else "is closed"
-        return (
-            f"{way}: the body in its tube needs a gap of {2 * needed:.3g} m, the narrowest one on the widest way, at "
-            f"{_at(place)}{beside}, {room}"
-        )
-
-
-def _outside(bounds: tuple[float, float, float, float], place: complex) -> float:
-    left, bottom, right, top = bounds
-    return math.hypot(max(left - place.real, place.real - right, 0.0), max(bottom - place.imag, place.imag - top, 0.0))
-
-
-def _at(place: complex) -> str:
-    return f"({place.real:.4g}, {place.imag:.4g}) m"

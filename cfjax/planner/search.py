@@ -22,7 +22,6 @@ from cfjax.planner.dubins import Arcs, dubins_ways
 from cfjax.planner.field import Field
 
 
-BENDS = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])  # of the largest curvature
 STEP = 0.8  # rad: the length of a way from node to node is so many radii of the tightest bend
 HEADINGS = 24  # cells of a turn
 SAMPLES = 5  # poses of a step, and of each so long part of a shot at the goal
@@ -36,6 +35,17 @@ BEND = 0.1  # a metre in the tightest bend counts as so much more
 EAGER = 1.6  # what remains counts so much more: nearly as short, found much sooner
 
 Node = tuple[complex, float]
+
+
+class Grain(NamedTuple):
+    """How fine a search is: curvatures of its arcs, of the largest one, and a cell's size, of an arc's length."""
+
+    bends: tuple[float, ...]
+    cell: float
+
+
+COARSE_GRAIN = Grain((-1.0, -0.5, 0.0, 0.5, 1.0), 0.75)
+FINE_GRAIN = Grain((-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0), 0.35)  # for roads that are hardly wider than the body
 
 
 class BodyDiscs(NamedTuple):
@@ -79,12 +89,14 @@ def _moved(curvature: float | np.ndarray, s: np.ndarray) -> Complex[np.ndarray, 
 class Search:
     """Ways for a body through a field, with at most a curvature (1/m); `soft` m to spare, wherever there is room."""
 
-    def __init__(self, field: Field, body: BodyDiscs, goal: Node, curvature: float, soft: float) -> None:
+    def __init__(
+        self, field: Field, body: BodyDiscs, goal: Node, curvature: float, soft: float, grain: Grain = COARSE_GRAIN
+    ) -> None:
         self.field, self.body, self.goal, self.soft = field, body, goal, soft
         self.curvature = curvature
         self.step = STEP / curvature
-        self.cell = self.step * 0.75
-        self.bends = BENDS * curvature
+        self.cell = self.step * grain.cell
+        self.bends = np.array(grain.bends) * curvature
         s = self.step * np.arange(1, SAMPLES + 1) / SAMPLES
         self.ways = _moved(self.bends[:, None], s)  # bends × samples
         self.turns = np.exp(1j * self.bends[:, None] * s)
@@ -165,7 +177,7 @@ class Search:
         place, direction = (np.array([values[node] for node in batch]) for values in (tree.place, tree.direction))
         ends, room = self._bent(place, direction, self.body)
         left = self.left(ends)
-        prices = self.step * (self.weight(room).mean(axis=-1) + BEND * np.abs(BENDS))
+        prices = self.step * (self.weight(room).mean(axis=-1) + BEND * np.abs(self.bends) / self.curvature)
         for b, k in np.argwhere((room.min(axis=-1) >= 0) & np.isfinite(left)):
             node, bend = batch[b], float(self.bends[k])
             end = complex(ends[b, k]), tree.direction[node] + bend * self.step

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from cfjax.coerce import array, number, real, refuse
 from cfjax.errors import InputError
-from cfjax.problem.obstacles import Wall
+from cfjax.problem.obstacles import SIDES, Wall
 from cfjax.problem.path import Path
 from cfjax.problem.points import read_points
 
@@ -33,7 +33,6 @@ FORMS = (
     'expected a half-width in m, {left: …, right: …} with half-widths or points (a file or [[x, y], …]), or "file", '
     "which takes the widths in the path's own file"
 )
-SIDES = ("left", "right")
 
 
 class _Line(NamedTuple):
@@ -68,7 +67,7 @@ def walls_of(corridor: object, path: Path, closed: bool | None = None) -> tuple[
     lap = path.closed if closed is None else closed
     line = _line(path)
     left, right = _edges(corridor, path, line, lap)
-    walls = Wall(_closed(left, lap)), Wall(_closed(right, lap))
+    walls = Wall(_closed(left, lap), "left"), Wall(_closed(right, lap), "right")
     _check_crossings(walls, line)
     _check_sides(walls, line)
     return walls

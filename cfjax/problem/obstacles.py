@@ -22,6 +22,7 @@ from cfjax.errors import InputError
 
 PARALLEL = 1e-12  # relative area below which corners lie on a line
 MOST_CORNERS = 32  # of a convex polygon that is one hull; one with more is split too
+SIDES = ("left", "right")  # of a corridor
 FARTHEST = 1e8  # m from the origin, more than twice round the earth: beyond, squares of coordinates lose all digits
 
 
@@ -105,19 +106,24 @@ class Polygon:
 class Wall:
     """A polyline through two points [x, y] or more, in m, that nothing crosses; a closed one ends where it begins.
 
+    `side` is left or right where it is a wall of a corridor.
+
     Raises:
-        InputError: for less than two points that differ, and numbers that are not finite.
+        InputError: for less than two points that differ, numbers that are not finite, and another side.
     """
 
     points: tuple[tuple[float, float], ...]
+    side: str | None = None
 
-    def __init__(self, points: Numbers | np.ndarray) -> None:
+    def __init__(self, points: Numbers | np.ndarray, side: str | None = None) -> None:
+        if side not in (None, *SIDES):
+            refuse("wall", "left or right for its side, or none", side)
         rows = array("wall", points, (None, 2))
         if len(rows) < 2 or np.ptp(rows, axis=0).max() == 0:
             refuse("wall", "at least two points [x, y] that differ", points)
         _near("wall", rows[np.abs(rows).max(axis=1).argmax()].tolist())
         differ = np.append(True, (np.diff(rows, axis=0) != 0).any(axis=1))
-        keep(self, points=tuple((x, y) for x, y in rows[differ].tolist()))
+        keep(self, points=tuple((x, y) for x, y in rows[differ].tolist()), side=side)
 
     @cached_property
     def shape(self) -> shapely.LineString:

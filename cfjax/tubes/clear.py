@@ -1,18 +1,21 @@
 """Tubes beside obstacles: which of them, and where along the path, leave the body room."""
 
-from collections.abc import Callable, Sequence
+import bisect
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cfcheck.clearance.surroundings import Body, ClearanceHints, SurroundingsClaim, shadows_of
+from cfcheck.clearance.surroundings import Body, ClearanceHints, ClearStretch, SurroundingsClaim, shadows_of
 from cfcheck.clearance.sweep import Nearby
 from cfcheck.exact.enclosure import Budget
+from cfcheck.kernel.legs import Leg
+from cfcheck.path.piece import Piece
 from cfcheck.path.reference import Reference
 from cfjax.certificate.clearance import SAFE, NotClear, SeparationSearch, find_clearance
-from cfjax.certificate.hulls import FAN, ROUGH, Along, FunnelDisc, Hulls, levels_of, rows_of
+from cfjax.certificate.hulls import FAN, ROUGH, Along, FunnelDisc, Hulls, levels_of, near_rows, rows_of
 from cfjax.tubes.certified import CertifiedTube, TubeLeg
 from cfjax.tubes.violation import InTheWay
 
@@ -29,35 +32,93 @@ def choose_clear(
     holds: Holds,
     surroundings: SurroundingsClaim,
     choose: Callable[[Holds], Chain],
+    earlier: "Earlier | None" = None,
 ) -> tuple[Chain, ClearanceHints]:
     """A chain in whose tubes the body is clear of its surroundings, with half-planes that prove it.
 
-    `choose` finds the best chain among the places that are left to each tube. Where half-planes are not found the place
-    is taken away, and it chooses again.
+    `choose` finds the best chain among the places that are left to each tube. Tubes are looked at when a chain has
+    them: where the body may touch something the place is taken away, and it chooses again. What was proven `earlier`,
+    of pieces that the path has still, is not proven again.
 
     Raises:
         InTheWay: which obstacle is in the way, and where.
     """
     hulls, along = Hulls(surroundings.hulls), Along.path(reference)
     places = _Places(reference, surroundings, hulls, along, holds.copy())
-    for index in np.flatnonzero(holds.any(axis=1)).tolist():
-        places.leave_out(index, tubes[index])
-    places.require_way()
+    looked_at = set[int]()
     while True:
+        places.require_way()
         try:
             chain = choose(places.holds)
         except ValueError as error:
             raise InTheWay(f"{error}{places.beside()}") from None
+        if fresh := {index for _, _, index in chain} - looked_at:
+            looked_at |= fresh
+            for index in sorted(fresh):
+                places.leave_out(index, tubes[index])
+            if not all(places.holds[index, begin:end].all() for begin, end, index in chain):
+                continue
         legs = [
             TubeLeg(begin, end, tubes[index]).leg(reference, number) for number, (begin, end, index) in enumerate(chain)
         ]
         try:
-            return chain, find_clearance(surroundings, legs, hulls, along)
+            known = {} if earlier is None else earlier.known(chain, tubes, surroundings, along)
+            return chain, find_clearance(surroundings, legs, hulls, along, known)
         except NotClear as error:
             begin, _, tube = chain[error.leg]
+            places.leave_out(tube, tubes[tube], by_samples=True)
             begins = [float(piece.theta) for piece in legs[error.leg].pieces]
             places.take(tube, begin + int(np.searchsorted(begins, error.theta, side="right")) - 1, error.hull, 0.0)
-            places.require_way()
+
+
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """A proof whose first pieces, `same` of them, a path has still: what was beside it, and the stretches by run."""
+
+    same: int
+    reference: Reference
+    runs: Sequence[TubeLeg]
+    surroundings: SurroundingsClaim
+    clearance: ClearanceHints
+
+    def known(
+        self, chain: Chain, tubes: Sequence[CertifiedTube], surroundings: SurroundingsClaim, along: Along
+    ) -> dict[int, list[ClearStretch]]:
+        """Of pieces in the same tube as then what was proven, where nothing is near that was not there."""
+        if surroundings.footprint != self.surroundings.footprint or not self.clearance:
+            return {}
+        before = set(self.surroundings.hulls)
+        added = Hulls(tuple(hull for hull in surroundings.hulls if hull not in before))
+        own = {index: tubes[tube] for begin, end, tube in chain for index in range(begin, min(end, self.same))}
+        found: dict[int, list[ClearStretch]] = {}
+        for number, (run, stretches) in enumerate(zip(self.runs, self.clearance, strict=True)):
+            leg = run.leg(self.reference, number)
+            touched = _touched(leg, along, added, surroundings) if added.claims else set()
+            ends = [stretch.end for stretch in stretches]
+            for index, piece in enumerate(leg.pieces, start=leg.begin):
+                if own.get(index) is run.tube and index not in touched:
+                    inside = stretches[bisect.bisect_right(ends, piece.theta) :]
+                    found[index] = _within(piece, inside)
+        return found
+
+
+def _touched(leg: Leg, along: Along, added: Hulls, surroundings: SurroundingsClaim) -> set[int]:
+    """Pieces of a leg near which something is that was not there."""
+    pieces = slice(leg.begin, min(leg.end, len(along.way)))
+    level = levels_of(leg)[: pieces.stop - pieces.start]
+    discs = map(FunnelDisc.of, shadows_of(leg, surroundings.footprint))
+    return {leg.begin + int(row) for disc in discs for row in near_rows(added, along.some(pieces), level, disc)[0]}
+
+
+def _within(piece: Piece, stretches: Iterable[ClearStretch]) -> list[ClearStretch]:
+    """The part of a leg's stretches that a piece has, from where it begins."""
+    found = []
+    for stretch in stretches:
+        end = min(stretch.end - piece.theta, piece.duration)
+        found.append(ClearStretch(end, stretch.normals))
+        if end == piece.duration:
+            break
+    return found
 
 
 @dataclass(eq=False)
@@ -77,8 +138,11 @@ class _Places:
         self.holds[tube, piece] = False
         self.taken[piece] = min(self.taken.get(piece, (np.inf, hull)), (excess, hull))
 
-    def leave_out(self, index: int, tube: CertifiedTube) -> None:
-        """Places at which the body may touch something, as far as bounds of first order and samples tell."""
+    def leave_out(self, index: int, tube: CertifiedTube, by_samples: bool = False) -> None:
+        """Places at which the body touches something where a piece begins, and by samples wherever bounds do not tell.
+
+        Samples take as long as a proof, so they are for tubes whose proof has failed.
+        """
         reference = self.reference
         leg = TubeLeg(0, len(reference.pieces), tube).leg(reference)
         shadows = shadows_of(leg, self.surroundings.footprint)
@@ -94,7 +158,7 @@ class _Places:
             room = (self.hulls.support[hulls] - disc.reach(starts, level[at], FAN.units)[which]).max(axis=1)
             for row in np.flatnonzero(room < -SURELY).tolist():
                 self.take(index, int(pieces[row]), int(hulls[row]), float(-room[row]))
-            for piece in dict.fromkeys(pieces[self.holds[index, pieces]].tolist()):
+            for piece in dict.fromkeys(pieces[self.holds[index, pieces]].tolist() if by_samples else ()):
                 for look in search.looks(reference.pieces[piece], reference.piece_poses[piece]):
                     least = look.own().min(axis=1)
                     if not least.min() > 0:

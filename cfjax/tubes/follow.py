@@ -10,7 +10,7 @@ import html
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -182,6 +182,7 @@ def follow(
     obstacles: Sequence[Obstacle | Mapping] | Numbers = (),
     footprint: Sequence[FootprintDisc] | Numbers = (FootprintDisc(),),
     corridor: object = None,
+    earlier: Following | None = None,
 ) -> Following:
     """The chain of tubes with the least lateral width, by length, that is proven to hold along the path.
 
@@ -189,7 +190,9 @@ def follow(
     the vehicle that drives, which is checked where it is given too. A closed path is one lap that is driven again and
     again; `pinned` is the name of the one tube to use. Beside `obstacles` (m, in the frame of the path) only tubes are
     used in which the `footprint`, discs [radius, offset along the forward axis] in m, touches none of them. A
-    `corridor` is two walls beside the path that it may not touch either, in the forms that `Problem` takes.
+    `corridor` is two walls beside the path that it may not touch either, in the forms that `Problem` takes. An
+    `earlier` answer, of a path that began with the same pieces, saves the work that is still good; the answer is
+    proven all the same.
 
     >>> from cfjax import circle
     >>> following = follow(circle(radius=2.0, speed=2.0))
@@ -227,7 +230,7 @@ def follow(
                     f"path {path.name}: tube {tube.name} is certified for another vehicle than the one given"
                 )
     try:
-        found = _follow(path, chosen, closed, surroundings)
+        found = _follow(path, chosen, closed, surroundings, earlier)
         return replace(found, vehicle=car if tubes is None or vehicle is not None else None)
     except InputError:
         raise
@@ -244,9 +247,17 @@ def follow(
         raise InputError(f"path {path.name}: {error}") from None
 
 
-def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: SurroundingsClaim) -> Following:
+def _follow(
+    path: Path,
+    tubes: tuple[CertifiedTube, ...],
+    closed: bool,
+    surroundings: SurroundingsClaim,
+    earlier: Following | None,
+) -> Following:
     statements = [stated(segment) for segment in path.require_course()]
-    reference = _cut(exact_reference(statements))
+    reference, same = _cut(exact_reference(statements)), 0
+    if earlier is not None:
+        reference, same = _with_known_pieces(reference, earlier.reference)
     pieces = reference.pieces
     # tubes of several widths share their bounds
     inside = {bounds: [piece.inside(bounds) for piece in pieces] for bounds in {tube.bounds for tube in tubes}}
@@ -256,10 +267,11 @@ def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surround
         raise Outside(furthest_out([pieces[index] for index in outside], tubes))
     gap = _gap(reference) if closed else None
     if not surroundings.is_empty:
-        from cfjax.tubes.clear import choose_clear  # here, for the solvers come with it
+        from cfjax.tubes.clear import Earlier, choose_clear  # here, for the solvers come with it
 
+        known = earlier and Earlier(same, earlier.reference, earlier.runs, earlier.surroundings, earlier.clearance)
         chain, clearance = choose_clear(
-            reference, tubes, holds, surroundings, lambda clear: choose(reference, tubes, clear, gap)
+            reference, tubes, holds, surroundings, lambda clear: choose(reference, tubes, clear, gap), known
         )
     else:
         chain, clearance = choose(reference, tubes, holds, gap), ()
@@ -315,6 +327,27 @@ def _cut(reference: Reference) -> Reference:
         inner = sorted(at for at in grid if 0 < at < piece.duration)
         pieces += piece.split(inner) if inner else [piece]
     return Reference(tuple(pieces), reference.start)
+
+
+def _with_known_pieces(reference: Reference, earlier: Reference) -> tuple[Reference, int]:
+    """The reference with those pieces at its beginning that another one has too, and how many these are.
+
+    Pieces keep what is decided of them, so that nothing is decided twice.
+    """
+    if not _same_start(reference, earlier):
+        return reference, 0
+    pairs = zip(reference.pieces, earlier.pieces, strict=False)
+    known = [old for _, old in itertools.takewhile(lambda pair: _are_equal(*pair), pairs)]
+    return Reference((*known, *reference.pieces[len(known) :]), reference.start), len(known)
+
+
+def _same_start(first: Reference, second: Reference) -> bool:
+    one, other = first.start, second.start
+    return one.heading == other.heading and bool(one.position.contains(other.position))
+
+
+def _are_equal(first: Piece, second: Piece) -> bool:
+    return all(getattr(first, each.name) == getattr(second, each.name) for each in fields(Piece))
 
 
 def _certified_path(

@@ -129,7 +129,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.yaml: .* cannot be read .No such file"):
         plan(tmp_path / "none.yaml", START, GOAL)
     (tmp_path / "map.pgm").write_bytes(b"P5\n2 2\n255\n\xff\xfe\xff\xff")
-    with pytest.raises(InputError, match=r"map\.pgm: expected text .YAML or GeoJSON., got other bytes"):
+    with pytest.raises(InputError, match=r"map\.pgm: expected text .YAML, GeoJSON or XML., got other bytes"):
         read_map(tmp_path / "map.pgm")
 
 
