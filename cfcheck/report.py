@@ -9,7 +9,8 @@ from flint import fmpq
 from cfcheck.claims.proven import Proven, Shown
 from cfcheck.path.bounds import Bounds
 from cfcheck.robustness.amounts import ProvenRobustness
-from cfcheck.statement import Section, sections
+from cfcheck.statement import sections
+from cfcheck.wording import Section
 
 
 class Outcome(enum.Enum):
