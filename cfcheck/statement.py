@@ -11,10 +11,9 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 from flint import fmpq
 
 from cfcheck.claims.document import Claims
-from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation
+from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation, half_widths
 from cfcheck.claims.references import place_of
 from cfcheck.exact.rational import Range, about, decimal_text
-from cfcheck.kernel.containment import half_widths
 from cfcheck.kernel.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.path.bounds import Bounds
 from cfcheck.robustness.amounts import LawNumbers, ProvenRobustness
