@@ -69,7 +69,7 @@ VIOLATED = {
 
 
 def sections(shown: Shown, robustness: ProvenRobustness | None = None) -> tuple[Section, ...]:
-    """What is shown, what it speaks of, what it guarantees and, of something proven, what it absorbs."""
+    """The result, its vehicle, path and sets, the guarantee, and for a proven funnel the amounts that it absorbs."""
     if isinstance(shown, Refuted):
         return _refuted(shown)
     if isinstance(shown, Bounded):
@@ -261,7 +261,7 @@ def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ..
 
 
 def _law(shown: Proven, proven: ProvenRobustness) -> tuple[tuple[str, ...], str]:
-    """What a law has to reach, with what it is told of each funnel where that is not said yet; and what it bears."""
+    """The decrease that a law has to reach, its numbers for each funnel, and what may change while inputs are held."""
     claims = shown.claims
     if not claims.parts:
         return (LAW_EVERYWHERE,), ", whatever curvature and acceleration do meanwhile"

@@ -1,4 +1,4 @@
-"""What a file speaks of, in English: numbers, vehicle, path, sets and inputs.
+"""The words for numbers, vehicle, path, sets and inputs of a file.
 
 A number without a short decimal form is rounded, up or down, so that the sentence claims no more than the proof shows.
 Where a number only names a thing, "about" stands before its rounded decimal.

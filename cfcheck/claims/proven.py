@@ -48,13 +48,13 @@ class Proven:
 
     @property
     def margins(self) -> tuple[fmpq, ...]:
-        """λ by leg, 1/s; of one funnel where there are no legs."""
+        """λ by leg, 1/s; that of the funnel if there are no legs."""
         claims = self.claims
         return tuple(claims.driven[part.funnel].margin for part in claims.parts) or (claims.driven[0].margin,)
 
     @property
     def arrival(self) -> Range | None:
-        """Earliest and latest, s, of a closed path for a lap; None where no path is meant that lies somewhere."""
+        """Earliest and latest, s; of a lap if the path is closed; None if the claim is about every path in bounds."""
         course = self.claims.problem.course
         if isinstance(course, Bounds):
             return None
@@ -63,7 +63,7 @@ class Proven:
 
     @property
     def margin_per_metre(self) -> fmpq | None:
-        """μ where every path within bounds is meant, 1/m of the reference."""
+        """μ, 1/m of the reference, if the claim is about every path within bounds; else None."""
         return None if self.claims.parts else self.claims.driven[0].margin_per_metre
 
     @property
