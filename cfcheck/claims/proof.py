@@ -77,7 +77,7 @@ def dynamics_of(model: Model) -> Symbolic:
     """The dynamics of a car in symbols, after a check of its input limits and of its name.
 
     Raises:
-        Broken: the limits are not in order, or the dynamics are not those that the name stands for.
+        Broken: the limits are invalid, or the dynamics are not those that the name stands for.
     """
     for name, (lower, upper) in model.inputs.items():
         if lower > upper:
