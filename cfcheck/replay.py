@@ -70,7 +70,7 @@ def stated_and_proven(document: object, hints: object) -> tuple[Stated, BoundsOv
     """What a robustness file states about a proven certificate, and the bounds that its hints prove.
 
     Raises:
-        Unreadable, Broken, ValueError: says what is not as it has to be.
+        Unreadable, Broken, ValueError: names the first thing that is wrong.
     """
     certificate = read_certificate(document, skip_hash=True)
     assert isinstance(document, dict)  # it was read

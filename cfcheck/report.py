@@ -9,7 +9,8 @@ from flint import fmpq
 from cfcheck.claims.proven import Proven, Shown
 from cfcheck.path.bounds import Bounds
 from cfcheck.robustness.amounts import ProvenRobustness
-from cfcheck.statement import Section, sections
+from cfcheck.statement import sections
+from cfcheck.wording import Section
 
 
 class Outcome(enum.Enum):
@@ -35,9 +36,9 @@ def _wrapped(text: str, first: str, others: str) -> list[str]:
 class Report:
     """The outcome, with what the file shows, or in one line why it shows nothing.
 
-    What funnels absorb stands there where hints for it were beside the certificate. `sections` say all this in
-    English (`cfcheck.statement`): they are written when the report is made, where the checker still refuses what
-    it cannot do. The properties are figures of what is proven; where it has none of a kind they are None.
+    `robustness` is there if hints for it were beside the certificate. `sections` say all this in English
+    (`cfcheck.statement`); they are written when the report is made, while errors still become a refusal. The other
+    properties are figures of what is proven, or None if it has no such figure.
     """
 
     outcome: Outcome
@@ -62,9 +63,7 @@ class Report:
 
     @property
     def text(self) -> str:
-        """The same for a terminal: headings, each with a list of what is said, and lines that are not longer than one
-        reads.
-        """
+        """The sections for a terminal: headings with lists, in lines of at most `WIDTH` characters."""
         if not self.sections:
             return f"{self.outcome.name}: {self.refusal}"
         title, *others = self.sections

@@ -1,30 +1,45 @@
-"""What a file shows, in English: the only place where the checker's records become sentences.
+"""What a file proves, refutes or bounds, in English; the words for vehicle, path and sets are in `cfcheck.wording`.
 
-A sentence follows from what is proven: a number without a short decimal form is rounded so that the sentence says less,
-or is said to be "about" its decimal where it only names what the file speaks of. So I and λ of a proven funnel are
-rounded down, G, S, its shell and its inputs' limits outwards; of a refuted one it is the other way round.
+Here the checker's records become sentences, and nowhere else. A sentence follows from what is proven. So I and λ of a
+proven funnel are rounded down, G, S, its shell and its inputs' limits outwards; in a refutation it is the other way
+round.
 """
 
 from collections.abc import Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims
-from cfcheck.claims.problem import PlacedPath, ProblemClaim
-from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation
+from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation, half_widths
 from cfcheck.claims.references import place_of
 from cfcheck.clearance.corridor import SIDES, are_closed
 from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.rational import Range, about, decimal_text
-from cfcheck.kernel.containment import half_widths
 from cfcheck.kernel.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.path.bounds import Bounds
 from cfcheck.robustness.amounts import LawNumbers, ProvenRobustness
 from cfcheck.robustness.ranges import SampledClaim
-from cfcheck.vehicle.model import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim
+from cfcheck.vehicle.model import POSE
+from cfcheck.wording import (
+    INWARDS,
+    OUTWARDS,
+    Section,
+    deviations_text,
+    down,
+    half_axes_text,
+    inputs_text,
+    interval,
+    kept_text,
+    numbers_text,
+    path_text,
+    proven_paths,
+    refuted_paths,
+    sets_section,
+    units_of,
+    up,
+    vehicle_section,
+)
 
 
 SHARE_TEXT = decimal_text(LAW_SHARE, ROUND_CEILING)
@@ -39,7 +54,6 @@ LAW_IN_TURN = (
 )
 SHOWN = 4  # funnels whose rates are printed
 RATES = {"rad": "rad/s", "m": "m/s", "m/s": "m/s^2", "": "a second"}  # of a state with such a unit
-INWARDS, OUTWARDS = (ROUND_CEILING, ROUND_FLOOR), (ROUND_FLOOR, ROUND_CEILING)  # of an interval's lower and upper end
 VIOLATED = {
     Violation.INLET: "condition (a) fails: V(0, x) is not below 1 at a deviation of the inlet I",
     Violation.GOAL: "condition (b) fails: V(T, x) is not above 1 at a deviation outside the goal G",
@@ -56,20 +70,8 @@ VIOLATED = {
 }
 
 
-class Section(NamedTuple):
-    """What is said under one heading: a list of clauses, without full stops."""
-
-    heading: str
-    clauses: tuple[str, ...]
-
-    @property
-    def paragraph(self) -> str:
-        """The same in one line of prose."""
-        return f"{self.heading}: {'; '.join(self.clauses)}."
-
-
 def sections(shown: Shown, robustness: ProvenRobustness | None = None) -> tuple[Section, ...]:
-    """What is shown, what it speaks of, what it guarantees and, of something proven, what it absorbs."""
+    """The result, its vehicle, path and sets, the guarantee, and for a proven funnel the amounts that it absorbs."""
     if isinstance(shown, Refuted):
         return _refuted(shown)
     if isinstance(shown, Bounded):
@@ -77,15 +79,15 @@ def sections(shown: Shown, robustness: ProvenRobustness | None = None) -> tuple[
     problem, course = shown.claims.problem, shown.claims.problem.course
     if isinstance(course, Bounds):
         title = "one control funnel function for every path within bounds"
-        path, guarantee = _every_path(course), _everywhere(shown)
+        path, guarantee = proven_paths(course), _everywhere(shown)
     else:
         title = "a control funnel function along a path"
-        path, guarantee = (_path(problem.path, course),), _along(shown)
+        path, guarantee = (path_text(problem.path, course),), _along(shown)
     said = (
         Section("PROVEN", (title,)),
-        _vehicle(problem.vehicle, shown.assumptions),
+        vehicle_section(problem.vehicle, shown.assumptions),
         Section("path", path),
-        _sets(problem, ROUND_FLOOR, ROUND_CEILING),
+        sets_section(problem, ROUND_FLOOR, ROUND_CEILING),
         Section("guarantee", guarantee),
     )
     return said if robustness is None else (*said, _absorbed(shown, robustness))
@@ -96,7 +98,7 @@ def _along(proven: Proven) -> tuple[str, ...]:
     claims, problem, arrival = proven.claims, proven.claims.problem, proven.arrival
     assert arrival is not None  # of a path that lies somewhere
     started = "every start with V < 1" if problem.inlet is None else "every start in I"
-    arrives = f"arrives with V <= {_up(proven.finish)}" if problem.goal is None else "arrives in G"
+    arrives = f"arrives with V <= {up(proven.finish)}" if problem.goal is None else "arrives in G"
     again = ", and from there lap after lap for ever" if problem.is_lap else ""
     law = ""
     if proven.falls:
@@ -108,15 +110,15 @@ def _along(proven: Proven) -> tuple[str, ...]:
     per_metre = [funnel.margin_per_metre for funnel in claims.driven if funnel.margin_per_metre is not None]
     everywhere = len(per_metre) == len(claims.driven)
     where = "" if everywhere else " in funnels that do not change with theta"
-    falls = f" and{where} {_down(min(per_metre))} per metre of the reference at u0 = 1" if per_metre else ""
+    falls = f" and{where} {down(min(per_metre))} per metre of the reference at u0 = 1" if per_metre else ""
     said = (
-        f"from {started} at theta = 0, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in the funnel V <= 1"
-        f"{_kept(problem)}, until it {arrives} after {_time(arrival)}{again}",
+        f"from {started} at theta = 0, inputs {inputs_text(problem, OUTWARDS)} suffice to keep the car in the funnel "
+        f"V <= 1{kept_text(problem)}, until it {arrives} after {_time(arrival)}{again}",
         _between(problem.surroundings),
         law,
         turn,
         form,
-        f"V decreases there with margin lambda = {_down(min(proven.margins))} 1/s{falls} or more",
+        f"V decreases there with margin lambda = {down(min(proven.margins))} 1/s{falls} or more",
     )
     return tuple(clause for clause in said if clause)
 
@@ -138,7 +140,7 @@ def _lateral(claims: Claims) -> str:
     if claims.problem.vehicle.states[: len(POSE)] != POSE:
         return ""
     widest = max(half_widths(funnel.shape)[POSE.index("x")] for funnel in claims.driven)
-    return f", lateral half-width {_up(widest)} m"
+    return f", lateral half-width {up(widest)} m"
 
 
 def _everywhere(proven: Proven) -> tuple[str, ...]:
@@ -147,15 +149,15 @@ def _everywhere(proven: Proven) -> tuple[str, ...]:
     assert proven.contraction is not None and proven.margin_per_metre is not None  # of what is invariant, as is proven
     started = "every start with V < 1" if problem.inlet is None else "every start in I"
     inside = "" if problem.goal is None else ", inside G"
-    widths = _numbers(half_widths(funnel.shape), ROUND_CEILING)
+    widths = numbers_text(half_widths(funnel.shape), ROUND_CEILING)
     return (
-        f"from {started}, anywhere along the path, inputs {_inputs(problem, OUTWARDS)} suffice to keep the car in the "
-        f"tube V <= 1{inside}{_kept(problem)}, for ever",
+        f"from {started}, anywhere along the path, inputs {inputs_text(problem, OUTWARDS)} suffice to keep the car in "
+        f"the tube V <= 1{inside}{kept_text(problem)}, for ever",
         f"the tube: {_shell((funnel,), ROUND_CEILING)}, half-widths ({widths})",
-        f"V decreases there with margin lambda = {_down(funnel.margin)} 1/s and {_down(proven.margin_per_metre)} per "
+        f"V decreases there with margin lambda = {down(funnel.margin)} 1/s and {down(proven.margin_per_metre)} per "
         "metre of the reference at u0 = 1, or more",
-        f"inputs that do so bring a car from V = 1 inside V <= {_up(funnel.beta_inner)} within "
-        f"{_up(proven.contraction)} m of the path",
+        f"inputs that do so bring a car from V = 1 inside V <= {up(funnel.beta_inner)} within "
+        f"{up(proven.contraction)} m of the path",
     )
 
 
@@ -164,21 +166,21 @@ def _refuted(refuted: Refuted) -> tuple[Section, ...]:
     problem, course, funnel = claims.problem, claims.problem.course, claims.driven[0]
     if claims.parts:
         funnel = claims.driven[claims.parts[witness.leg].funnel]
-    shell, margin = _shell((funnel,), ROUND_FLOOR), _up(funnel.margin)
+    shell, margin = _shell((funnel,), ROUND_FLOOR), up(funnel.margin)
     if isinstance(course, Bounds):
-        candidate, path = shell, _paths(course)
+        candidate, path = shell, refuted_paths(course)
     else:
         along = f" along leg {witness.leg}" if len(claims.parts) > 1 else ""
-        candidate, path = f"{_templates((funnel,))}, {shell}{along}", _path(problem.path, course)
+        candidate, path = f"{_templates((funnel,))}, {shell}{along}", path_text(problem.path, course)
     of_decrease = refuted.violation in (Violation.DECREASE, Violation.LAW)
     place = place_of(refuted.extremes, witness.reference) if of_decrease else ""
     at = ", ".join(f"{name} = {about(value)}" for name, value in zip(problem.vehicle.states, witness.x, strict=True))
     return (
         Section("REFUTED", (f"{candidate} with margin lambda = {margin} 1/s is no control funnel function",)),
-        _vehicle(problem.vehicle, refuted.assumptions),
+        vehicle_section(problem.vehicle, refuted.assumptions),
         Section("path", (path,)),
-        _sets(problem, ROUND_CEILING, ROUND_FLOOR),
-        Section("inputs", (_inputs(problem, INWARDS),)),
+        sets_section(problem, ROUND_CEILING, ROUND_FLOOR),
+        Section("inputs", (inputs_text(problem, INWARDS),)),
         Section("witness", (f"at {place}theta = {about(witness.theta)} s, {at}", VIOLATED[refuted.violation])),
     )
 
@@ -190,25 +192,25 @@ def _bounded(bounded: Bounded) -> tuple[Section, ...]:
     return (
         Section(
             "BOUNDED",
-            (f"no control funnel function of this form has a margin of lambda = {_up(bounded.margin)} 1/s or more",),
+            (f"no control funnel function of this form has a margin of lambda = {up(bounded.margin)} 1/s or more",),
         ),
-        _vehicle(problem.vehicle, bounded.assumptions),
-        Section("path", (_path(problem.path, course),)),
+        vehicle_section(problem.vehicle, bounded.assumptions),
+        Section("path", (path_text(problem.path, course),)),
         Section(
             "sets",
             (
-                _deviations(problem.vehicle),
-                _half_axes("I", problem.inlet, ROUND_CEILING),
-                _half_axes("G", problem.goal, ROUND_FLOOR),
+                deviations_text(problem.vehicle),
+                half_axes_text("I", problem.inlet, ROUND_CEILING),
+                half_axes_text("G", problem.goal, ROUND_FLOOR),
                 "S and obstacles are not looked at: they can only make margins smaller",
             ),
         ),
-        Section("inputs", (_inputs(problem, INWARDS),)),
+        Section("inputs", (inputs_text(problem, INWARDS),)),
         Section(
             "form",
             (
                 f"V = x'Cx + c0 theta, where C couples alpha with x and y with {last} alone",
-                f"conditions (a) and (b), and (d) on the shell V >= {_down(bounded.beta_lower)}",
+                f"conditions (a) and (b), and (d) on the shell V >= {down(bounded.beta_lower)}",
             ),
         ),
     )
@@ -222,14 +224,14 @@ def _absorbed(shown: Proven, proven: ProvenRobustness) -> Section:
 
     def by_state(amounts: Sequence[fmpq], units: Sequence[str]) -> str:
         entries = zip(vehicle.states, amounts, units, strict=True)
-        return ", ".join(f"{name} {_down(amount)} {unit}".rstrip() for name, amount, unit in entries)
+        return ", ".join(f"{name} {down(amount)} {unit}".rstrip() for name, amount, unit in entries)
 
     def rates(amounts: Sequence[fmpq]) -> str:
         return by_state(amounts, [RATES[unit] for unit in units])
 
     alone, together = proven.alone, proven.together
     by_speed = tuple(
-        f"control period, of inputs chosen at a speed of the path up to {about(upper)} m/s: {_down(own.period)} s"
+        f"control period, of inputs chosen at a speed of the path up to {about(upper)} m/s: {down(own.period)} s"
         for (_, upper), own in zip(proven.bands, proven.by_speed, strict=True)
     )
     return Section(
@@ -238,15 +240,15 @@ def _absorbed(shown: Proven, proven: ProvenRobustness) -> Section:
             f"under a law whose inputs reach {law[0]}, one of the following; inputs are chosen at every moment, unless "
             "they are held",
             *law[1:],
-            f"control period: inputs are held for {_down(alone.period)} s{_frequency(alone.period)}{meanwhile}",
+            f"control period: inputs are held for {down(alone.period)} s{_frequency(alone.period)}{meanwhile}",
             *by_speed,
-            f"delay: inputs answer what was measured {_down(alone.delay)} s ago, theta with it, once it has come",
+            f"delay: inputs answer what was measured {down(alone.delay)} s ago, theta with it, once it has come",
             f"disturbance: in one state a rate is off by {rates(alone.disturbance)}",
             f"measurement: in one state it is off by {by_state(alone.pose_error, units)}, from starts in V <= "
-            f"{_down(proven.pose_level)}",
-            f"or all at once, in every state, from starts in V <= {_down(proven.level)}: held for "
-            f"{_down(together.period)} s, rates off by {rates(together.disturbance)}, a measurement of "
-            f"{_down(together.delay)} s ago off by {by_state(together.pose_error, units)}",
+            f"{down(proven.pose_level)}",
+            f"or all at once, in every state, from starts in V <= {down(proven.level)}: held for "
+            f"{down(together.period)} s, rates off by {rates(together.disturbance)}, a measurement of "
+            f"{down(together.delay)} s ago off by {by_state(together.pose_error, units)}",
             *_sampled(proven.sampled, tuple(shown.claims.problem.inputs)),
         ),
     )
@@ -258,8 +260,8 @@ def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ..
         return ()
     held = (
         f"or, under a law that looks one hold ahead and takes one of {len(claim.choices)} inputs: each is held for any "
-        f"time up to {_down(claim.period)} s{_frequency(claim.period)}, and on the shell V falls at "
-        f"{_down(claim.decrease)} 1/s or more from one choice to the next"
+        f"time up to {down(claim.period)} s{_frequency(claim.period)}, and on the shell V falls at "
+        f"{down(claim.decrease)} 1/s or more from one choice to the next"
     )
     late = claim.start_up
     if late is None:
@@ -267,14 +269,14 @@ def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ..
     first = ", ".join(f"{name} {about(value)}" for name, value in zip(inputs, claim.choices[late.choice], strict=True))
     return (
         held,
-        f"that law may see poses up to {_down(late.delay)} s late, if it knows their age and the inputs held since: it "
+        f"that law may see poses up to {down(late.delay)} s late, if it knows their age and the inputs held since: it "
         f"predicts; a car that holds {first} until it acts on its first pose, within that delay, has to start in "
-        f"V <= {_down(late.level)}, and so early that theta is before the end of the path, or of the lap, by then",
+        f"V <= {down(late.level)}, and so early that theta is before the end of the path, or of the lap, by then",
     )
 
 
 def _law(shown: Proven, proven: ProvenRobustness) -> tuple[tuple[str, ...], str]:
-    """What a law has to reach, with what it is told of each funnel where that is not said yet; and what it bears."""
+    """The decrease that a law has to reach, its numbers for each funnel, and what may change while inputs are held."""
     claims = shown.claims
     if not claims.parts:
         return (LAW_EVERYWHERE,), ", whatever curvature and acceleration do meanwhile"
@@ -289,133 +291,17 @@ def _law(shown: Proven, proven: ProvenRobustness) -> tuple[tuple[str, ...], str]
 
 def _law_numbers(index: int, own: LawNumbers) -> str:
     per_metre, bounds = own.margin_per_metre, own.bounds
-    said = f"funnel {index}: lambda = {_down(own.margin)} 1/s, shell from {_up(own.shell)}"
+    said = f"funnel {index}: lambda = {down(own.margin)} 1/s, shell from {up(own.shell)}"
     if per_metre is None or bounds is None:
         return said
     return (
-        f"{said}, inner {_up(own.inner)}, {_down(per_metre)} per metre, curvature in "
-        f"{_interval(bounds.curvature, OUTWARDS)} 1/m, acceleration in {_interval(bounds.acceleration, OUTWARDS)} m/s^2"
+        f"{said}, inner {up(own.inner)}, {down(per_metre)} per metre, curvature in "
+        f"{interval(bounds.curvature, OUTWARDS)} 1/m, acceleration in {interval(bounds.acceleration, OUTWARDS)} m/s^2"
     )
-
-
-def units_of(vehicle: VehicleClaim) -> tuple[str, ...]:
-    """Of its states: those of a pose, which come first, and what is known of the others; "" where nothing is."""
-    if vehicle.name in KNOWN_VEHICLES:
-        return KNOWN_VEHICLES[vehicle.name].state_units
-    return (*POSE_UNITS, *[""] * (len(vehicle.states) - len(POSE_UNITS)))
 
 
 def _frequency(period: fmpq) -> str:
-    return f" (control at {_up(1 / period)} Hz or faster)" if period else ""
-
-
-def _vehicle(vehicle: VehicleClaim, assumptions: Assumptions | None) -> Section:
-    """Its name; of one that the checker does not know, what is taken for granted too."""
-    values = ", ".join(f"{label} {about(value)}" for label, value in vehicle.parameters.items())
-    named = f'"{vehicle.name}" ({values})' if values else f'"{vehicle.name}"'
-    if vehicle.name in KNOWN_VEHICLES:
-        return Section("vehicle", (named, KNOWN_VEHICLES[vehicle.name].said))
-    unknown = "a name unknown to this checker: its dynamics are those of the graph in the file"
-    if assumptions is None:
-        return Section("vehicle", (named, unknown))
-    on = "speed and turning rate" if assumptions.follows_turning else "speed"
-    looks = (
-        "which are those of a body whose reference looks along the path"
-        if assumptions.is_body
-        else "its reference looks along the path, or at one angle to it all along"
-    )
-    states = f"and what else it has of states depends on the path's {on} alone"
-    return Section("vehicle", (named, f"{unknown}, {looks}, {states}"))
-
-
-def _path(name: str, course: PlacedPath) -> str:
-    named, pieces = f'"{name}"', course.reference.pieces
-    if len(pieces) == 1 and pieces[0].is_constant:
-        turning, moving = (about(coefficients[0]) for coefficients in (pieces[0].turn_rate, pieces[0].speed))
-        return (
-            f"{named} (turning rate {turning} rad/s, speed {moving} m/s, theta from 0 to {about(pieces[0].duration)} s)"
-        )
-    return (
-        f"{named}, whose {len(pieces)} pieces stand in the file ({about(course.reference.length)} m, theta from 0 to "
-        f"{about(course.reference.duration)} s)"
-    )
-
-
-def _every_path(bounds: Bounds) -> tuple[str, ...]:
-    """Those that something is proven for."""
-    return (
-        "every one whose position, heading and speed are continuous",
-        f"speed in {_interval(bounds.speed, INWARDS)} m/s",
-        f"curvature in {_interval(bounds.curvature, INWARDS)} 1/m, which may jump",
-        f"acceleration dv/dtheta in {_interval(bounds.acceleration, INWARDS)} m/s^2",
-    )
-
-
-def _paths(bounds: Bounds) -> str:
-    """Those that a refuted tube speaks of."""
-    return (
-        f"every one with speed in {_interval(bounds.speed, OUTWARDS)} m/s, curvature in "
-        f"{_interval(bounds.curvature, OUTWARDS)} 1/m, acceleration in {_interval(bounds.acceleration, OUTWARDS)} m/s^2"
-    )
-
-
-def _sets(problem: ProblemClaim, inlet: str, goal: str) -> Section:
-    """I, G, S and obstacles, the half-axes rounded as told; S as G."""
-    safe = "no S: the whole plane is safe" if problem.safe is None else _safe_box(problem.safe, goal)
-    return Section(
-        "sets",
-        (
-            _deviations(problem.vehicle),
-            "no I is asked" if problem.inlet is None else _half_axes("I", problem.inlet, inlet),
-            "no G is asked" if problem.goal is None else _half_axes("G", problem.goal, goal),
-            safe,
-            *_obstacles(problem.surroundings),
-        ),
-    )
-
-
-def _deviations(vehicle: VehicleClaim) -> str:
-    entries = zip(vehicle.states, units_of(vehicle), strict=True)
-    return f"of deviations {', '.join(f'{name} ({unit})' if unit else name for name, unit in entries)}"
-
-
-def _half_axes(name: str, values: Sequence[fmpq], rounding: str) -> str:
-    return f"{name} with half-axes ({_numbers(values, rounding)})"
-
-
-def _safe_box(values: Sequence[fmpq], rounding: str) -> str:
-    return f"S with half-widths ({_numbers(values, rounding)})"
-
-
-def _obstacles(surroundings: SurroundingsClaim) -> tuple[str, ...]:
-    """A clause, where there are any."""
-    if surroundings.is_empty:
-        return ()
-    discs = " and ".join(
-        f"radius {_down(disc.radius)} m at offset {about(disc.offset)} m" for disc in surroundings.footprint
-    )
-    obstacles, walls = len(surroundings.obstacles), surroundings.walls
-    named = [] if not obstacles else ["one obstacle" if obstacles == 1 else f"{obstacles} obstacles"]
-    if walls:
-        points = sum(len(wall.points) for wall in walls)
-        named.append(f"{'one wall' if len(walls) == 1 else f'{len(walls)} walls'} through {points} points")
-    verb = "stands" if obstacles + len(walls) == 1 else "stand"
-    return (f"clear of {' and '.join(named)} that {verb} in the file, by a footprint of {discs}",)
-
-
-def _kept(problem: ProblemClaim) -> str:
-    """Where the car is said to stay, beside the funnel: in S, and its footprint clear of obstacles and walls."""
-    around = problem.surroundings
-    named = [name for name, some in (("obstacles", around.obstacles), ("walls", around.walls)) if some]
-    clear = f", clear of the {' and '.join(named)}" if named else ""
-    return ("" if problem.safe is None else ", inside S") + clear
-
-
-def _inputs(problem: ProblemClaim, rounding: tuple[str, str]) -> str:
-    box = ", ".join(f"{name} in {_interval(ends, rounding)}" for name, ends in problem.inputs.items())
-    if problem.law is None:
-        return box
-    return f'{box}, all but u0 as the law "{problem.law.name}", a graph in the file, has them, or the nearer limit,'
+    return f" (control at {up(1 / period)} Hz or faster)" if period else ""
 
 
 def _templates(funnels: Sequence[FunnelClaim]) -> str:
@@ -445,21 +331,4 @@ def _shell(funnels: Sequence[FunnelClaim], rounding: str) -> str:
 
 
 def _time(arrival: Range) -> str:
-    return f"{_down(arrival[0])} to {_up(arrival[1])} s"
-
-
-def _interval(ends: Range, rounding: tuple[str, str]) -> str:
-    lower, upper = (decimal_text(end, how) for end, how in zip(ends, rounding, strict=True))
-    return f"[{lower}, {upper}]"
-
-
-def _down(value: fmpq) -> str:
-    return decimal_text(value, ROUND_FLOOR)
-
-
-def _up(value: fmpq) -> str:
-    return decimal_text(value, ROUND_CEILING)
-
-
-def _numbers(values: Sequence[fmpq], rounding: str) -> str:
-    return ", ".join(decimal_text(value, rounding) for value in values)
+    return f"{down(arrival[0])} to {up(arrival[1])} s"

@@ -1,8 +1,8 @@
-"""What may be asked of a vehicle that the checker does not know, and what is taken for granted of it.
+"""Vehicles that the checker does not know: which claims it accepts about them, and what it has to assume.
 
-The checker knows some vehicles by name (`cfcheck.vehicle.model`). Of any other one it knows the dynamics that stand in
-the file, and no more than these is proven: what a pose is, and that a reference's states do not jump where the path's
-curvature does, has to follow from them, or is said to be taken for granted.
+The checker knows some vehicles by name (`cfcheck.vehicle.model`). Of any other vehicle it knows only the dynamics in
+the file. That its first states are a pose, and that its reference's states do not jump where the path's curvature does,
+has to follow from these dynamics; or the report names it as an assumption.
 """
 
 from collections.abc import Sequence
@@ -60,10 +60,10 @@ def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -
 
 
 def require_supported(problem: ProblemClaim, dynamics: Symbolic) -> None:
-    """That nothing is asked of a vehicle's states but what its dynamics say, where the checker knows nothing else.
+    """Raises unless every claim about an unknown vehicle's states follows from its dynamics.
 
     Raises:
-        Broken: says what is asked.
+        Broken: names the claim that does not.
     """
     course, vehicle = problem.course, problem.vehicle
     if isinstance(course, Bounds):
@@ -75,24 +75,24 @@ def require_supported(problem: ProblemClaim, dynamics: Symbolic) -> None:
 
 
 def require_body(vehicle: VehicleClaim, dynamics: Symbolic, surroundings: SurroundingsClaim) -> None:
-    """That where there are obstacles the vehicle's first states are the pose of a body that looks along the path.
+    """Raises unless, where there are obstacles, the first states are the pose of a body that looks along the path.
 
     Raises:
-        Broken: by an unknown vehicle's dynamics they are not.
+        Broken: by the dynamics of an unknown vehicle they are not.
     """
     if not surroundings.is_empty and vehicle.name not in KNOWN_VEHICLES and not is_a_body(dynamics, vehicle.states):
         raise Broken("vehicle: obstacles are cleared by bodies that look along the path only")
 
 
 def require_path(vehicle: VehicleClaim, dynamics: Symbolic, pieces: Sequence[Piece], closed: bool) -> None:
-    """That an unknown vehicle's pose means along the path what it means, and nothing else of its reference jumps.
+    """Raises unless an unknown vehicle's first states are a pose along the path, and no other part of it jumps.
 
-    What a pose, or a gap in it, means is said by the dynamics where they are those of a body (`cfcheck.vehicle.body`).
-    Other states of the reference go with speed and turning rate; the rates of these, which may jump at any time, have
-    to enter as they do of such states.
+    The dynamics define what a pose, or a gap in it, is, if they are those of a body (`cfcheck.vehicle.body`). Other
+    states of the reference follow speed and turning rate. The rates of these two may jump at any time, so they have to
+    enter the dynamics as they do for such states.
 
     Raises:
-        Broken: says what is not so.
+        Broken: names the condition that fails.
     """
     if vehicle.name in KNOWN_VEHICLES:
         return

@@ -44,7 +44,7 @@ class LegClaim(NamedTuple):
 class Witness:
     """A deviation x at θ (s) of a leg at which its funnel violates a condition (a, b, c or d).
 
-    `reference` says at which of the extreme ones, where every path within bounds is meant.
+    `reference` is the number of an extreme reference, if the claim is about every path within bounds.
     """
 
     condition: str
@@ -58,8 +58,8 @@ class Witness:
 class Claims:
     """What a file states: the question, funnels with the cars that they are proven for, legs and joints.
 
-    Where every path within bounds is meant there are no legs, and one funnel. `parts` are the legs as the file has
-    them; `ratios[k]` is that of the joint after leg k (`cfcheck.kernel.legs`).
+    A claim about every path within bounds has no legs and one funnel. `parts` are the legs as the file has them;
+    `ratios[k]` belongs to the joint after leg k (`cfcheck.kernel.legs`).
     """
 
     problem: ProblemClaim
@@ -75,7 +75,7 @@ class Claims:
 
     @cached_property
     def legs(self) -> tuple[Leg, ...]:
-        """The path with its funnels; none where every path within bounds is meant."""
+        """The path with its funnels; empty if the claim is about every path within bounds."""
         course = self.problem.course
         if isinstance(course, Bounds):
             return ()

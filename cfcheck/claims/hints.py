@@ -1,4 +1,4 @@
-"""Hints of a certificate, read: what a prover found. Shapes and sizes are checked, nothing of it is believed."""
+"""Hints of a certificate: a prover's findings are read with their shapes and sizes checked, and none is believed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -146,7 +146,7 @@ def read_enclosures(item: Item) -> EnclosureHints:
 
 
 def _unary(item: Item) -> tuple[int, UnaryHint]:
-    """A node of the graph, and what is said of the function that it applies."""
+    """A node of the graph, and the enclosure that the file states for the function it applies."""
     node, function, coefficients, lower, upper, bound = item.record(
         "node", "function", "coefficients", "lower", "upper", "bound"
     )

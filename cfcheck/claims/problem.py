@@ -43,7 +43,7 @@ class PlacedPath(NamedTuple):
 class ProblemClaim:
     """The question that the file answers; sets and limits by state and by input.
 
-    `course` is the path, or bounds: every path within them is meant then.
+    `course` is the path, or bounds: then the claim is about every path within them.
     """
 
     vehicle: VehicleClaim
@@ -51,7 +51,7 @@ class ProblemClaim:
     inputs: Inputs
     path: str
     course: PlacedPath | Bounds
-    inlet: tuple[fmpq, ...] | None  # half-axes of I; where there is none, every start in V < 1 is meant
+    inlet: tuple[fmpq, ...] | None  # half-axes of I; without one every start in V < 1 counts
     goal: tuple[fmpq, ...] | None  # half-axes of G
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
     surroundings: SurroundingsClaim
@@ -59,10 +59,10 @@ class ProblemClaim:
 
     @property
     def reference(self) -> Reference:
-        """That of a path that lies somewhere.
+        """The reference along the path.
 
         Raises:
-            Broken: every path within bounds is meant.
+            Broken: the claim is about every path within bounds.
         """
         if isinstance(self.course, Bounds):
             raise Broken("path: expected one that lies somewhere, got bounds")
@@ -70,7 +70,7 @@ class ProblemClaim:
 
     @property
     def is_steady(self) -> bool:
-        """Whether it speaks of one turning rate and speed alone."""
+        """Whether turning rate and speed are constant along the path."""
         course = self.course
         return course.is_single if isinstance(course, Bounds) else are_steady(course.reference.pieces)
 
@@ -95,7 +95,7 @@ class ProblemClaim:
 
 
 def read_problem(question: Mapping[str, object]) -> ProblemClaim:
-    """The question of a file, by itself: for whoever is about to write one.
+    """The question of a file by itself, as the certifier needs it before it writes the file.
 
     Raises:
         Unreadable, Broken: says what was expected where.

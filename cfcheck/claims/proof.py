@@ -2,9 +2,9 @@
 
 Condition (d) is proven stretch by stretch. A stretch is a range of θ with bounds of curvature, speed and acceleration
 (`cfcheck.path.bounds`) that hold along it on every leg of the funnel, and the levels that the funnel has there; θ is
-eliminated on it, and the extreme references of its bounds speak for every place. A funnel that does not change with θ
-has one stretch without an end: it holds along legs of any length, or along every path within its bounds. It is proven
-for the car that its `Model` is, in the units of that.
+eliminated on it, and it is enough to prove the extreme references of its bounds. A funnel that does not change with θ
+has one stretch without an end: it holds along legs of any length, or along every path within its bounds. A funnel is
+proven for the car of its `Model`, in the units of that car.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,7 +57,7 @@ class Question:
         """The references at which (d) has to be proven for all within the bounds.
 
         Raises:
-            Broken: the vehicle's dynamics are not of the form in which a few speak for all.
+            Broken: the vehicle's dynamics do not have the form for which the extreme references suffice.
         """
         if bounds.is_single:
             return bounds.extremes()
@@ -93,16 +93,19 @@ class Question:
         return bounds.extremes()
 
     def is_mirrored(self, bounds: Bounds) -> bool:
-        """Whether references with the upper end of the curvature speak for those with the lower end."""
+        """Whether, by symmetry, it is enough to prove references with the upper end of the curvature.
+
+        A law need not be its own mirror image.
+        """
         is_alike = self.mirror is not None and self.model.law is None
         return is_alike and bounds.curvature[0] == -bounds.curvature[1]
 
 
 def dynamics_of(model: Model) -> Symbolic:
-    """Those of a car, in symbols, after what they and its inputs have to satisfy.
+    """The dynamics of a car in symbols, after a check of its input limits and of its name.
 
     Raises:
-        Broken: says what is not so.
+        Broken: the limits are invalid, or the dynamics are not those that the name stands for.
     """
     for name, (lower, upper) in model.inputs.items():
         if lower > upper:
@@ -138,7 +141,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> fmpq:
             for leg in different(claims.legs_of(index)):
                 _check_leg(leg, question, own, effort)
         prove_joints(legs, problem.course.closed, claims.ratios, problem.fastest)
-        if not problem.surroundings.is_empty:  # else nobody asks where the path lies
+        if not problem.surroundings.is_empty:  # else no claim depends on where the path lies
             prove_surroundings(problem.surroundings, legs, certificate.clearance)
     for index, (question, own) in enumerate(zip(questions, hints, strict=True)):
         try:
@@ -165,7 +168,7 @@ def question_of(claims: Claims, index: int, mirror: tuple[int, ...] | None, dyna
 
 
 def of_funnel(index: int, claims: Claims) -> str:
-    """Which funnel is spoken of; nothing where there is but one."""
+    """The start of a message: the number of the funnel; empty if the file has only one."""
     return f"funnel {index}: " if len(claims.funnels) > 1 else ""
 
 
@@ -192,7 +195,7 @@ def prove_sets(claims: Claims, finish: fmpq) -> None:
 
 
 def _require_everywhere(problem: ProblemClaim, bounds: Bounds, model: Model, hints: DecreaseHints) -> None:
-    """That the proof is one for every path within the bounds, which has no place."""
+    """Raises Broken unless the proof is for every path within the bounds, and there are no obstacles."""
     if not problem.surroundings.is_empty:
         raise Broken("condition (c): what has no place clears no obstacle")
     if hints.duration is not None or not bounds.lies_in(model.as_driven(hints.stretches[0].bounds)):
@@ -206,7 +209,7 @@ def _require_same_length(legs: Sequence[Leg], hints: DecreaseHints) -> None:
 
 
 def _check_leg(leg: Leg, question: Question, hints: DecreaseHints, effort: Budget) -> None:
-    """That the bounds of the proof hold along a leg, as the car that drives has them."""
+    """Raises Broken unless the leg stays inside the bounds of the proof, scaled to the car that drives."""
     if turning_jumps(leg.pieces):  # from piece to piece, where no stretch sees it: the deviation must not
         require_tube_structure(question.dynamics)
     begin = fmpq(0)

@@ -7,14 +7,27 @@ The checker makes these records when everything is replayed. How they read in En
 import enum
 from dataclasses import dataclass
 
-from flint import fmpq
+from flint import arb, fmpq
 
 from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims, Witness
 from cfcheck.claims.problem import ProblemClaim
-from cfcheck.exact.rational import Range
-from cfcheck.kernel.funnel import contraction_way
+from cfcheck.exact.definite import exact_matrix
+from cfcheck.exact.rational import Matrix, Range, sqrt_upper, upper_bound
 from cfcheck.path.bounds import Bounds, Extreme
+
+
+def contraction_way(beta_lower: fmpq, level: fmpq) -> fmpq:
+    """A rational that is at least ∫ dV / min(1, V/β̲) from the level to 1: 1 − β̲ + β̲ ln(β̲/level) below β̲."""
+    if level >= beta_lower:
+        return max(1 - level, fmpq(0))
+    return 1 - beta_lower + beta_lower * upper_bound(arb(beta_lower / level).log())
+
+
+def half_widths(shape: Matrix) -> list[fmpq]:
+    """Rationals that are at least the largest |x_i| with xᵀ C x ≤ 1, in the units of the states."""
+    inverse = exact_matrix(shape).inv()
+    return [sqrt_upper(inverse[i, i]) for i in range(len(shape))]
 
 
 @dataclass(frozen=True)
@@ -35,13 +48,13 @@ class Proven:
 
     @property
     def margins(self) -> tuple[fmpq, ...]:
-        """λ by leg, 1/s; of one funnel where there are no legs."""
+        """λ by leg, 1/s; that of the funnel if there are no legs."""
         claims = self.claims
         return tuple(claims.driven[part.funnel].margin for part in claims.parts) or (claims.driven[0].margin,)
 
     @property
     def arrival(self) -> Range | None:
-        """Earliest and latest, s, of a closed path for a lap; None where no path is meant that lies somewhere."""
+        """Earliest and latest, s; of a lap if the path is closed; None if the claim is about every path in bounds."""
         course = self.claims.problem.course
         if isinstance(course, Bounds):
             return None
@@ -50,7 +63,7 @@ class Proven:
 
     @property
     def margin_per_metre(self) -> fmpq | None:
-        """μ where every path within bounds is meant, 1/m of the reference."""
+        """μ, 1/m of the reference, if the claim is about every path within bounds; else None."""
         return None if self.claims.parts else self.claims.driven[0].margin_per_metre
 
     @property

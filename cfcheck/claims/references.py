@@ -14,7 +14,7 @@ BOUNDS, CURVATURE_RATE = ("curvature", "speed", "acceleration"), "curvature_rate
 
 
 def place_of(extremes: Sequence[Extreme], index: int) -> str:
-    """Which reference is spoken of, in words; nothing where there is but one."""
+    """The extreme reference with this number, in words; empty if there is only one."""
     if len(extremes) == 1:
         return ""
     profile = extremes[index].profile
@@ -41,7 +41,7 @@ def read_bounds(item: Item) -> Bounds:
 
 
 def read_stretch_bounds(item: Item) -> Bounds:
-    """The same of a stretch of path, and the rate of its curvature, 1/(m s), where that is bounded."""
+    """The same for a stretch of a path, with the rate of its curvature, 1/(m s), if that is bounded."""
     if isinstance(item.value, dict) and CURVATURE_RATE in item.value:
         return _bounds(item.record(*BOUNDS, CURVATURE_RATE))
     return read_bounds(item)
@@ -60,7 +60,7 @@ def _bounds(entries: Sequence[Item]) -> Bounds:
 
 
 def are_steady(pieces: Sequence[Piece]) -> bool:
-    """Whether they are written so that turning rate and speed are one number each in all of them."""
+    """Whether turning rate and speed are written as one number each, the same in all of them."""
     first = pieces[0]
     return all(
         piece.is_constant and (piece.turn_rate, piece.speed) == (first.turn_rate, first.speed) for piece in pieces
@@ -68,10 +68,10 @@ def are_steady(pieces: Sequence[Piece]) -> bool:
 
 
 def turning_jumps(pieces: Sequence[Piece]) -> bool:
-    """Whether the turning rate does between two of them that follow each other."""
+    """Whether the turning rate jumps between two successive pieces."""
     return any(jumps_in_turning(one, other) for one, other in itertools.pairwise(pieces))
 
 
 def jumps_in_turning(before: Piece, after: Piece) -> bool:
-    """Whether the turning rate is another one where the second piece begins than where the first one ends."""
+    """Whether the turning rate at the start of the second piece differs from that at the end of the first."""
     return evaluate(before.turn_rate, before.duration) != after.turn_rate[0]

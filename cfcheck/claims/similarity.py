@@ -24,10 +24,10 @@ Inputs = Mapping[str, Range]  # a box by name, u0 first
 
 @dataclass(frozen=True)
 class Model:
-    """The car that a funnel is proven for, and by what its lengths and speeds are multiplied to be the one that drives.
+    """The car that a funnel is proven for; its lengths and speeds times `length` and `speed` give the car that drives.
 
-    `inputs` is the box with which condition (d) is proven, in the units of this car; a `law`, where there is one, gives
-    them.
+    `inputs` is the box with which condition (d) is proven, in the units of this car. A `law`, if there is one, chooses
+    the inputs beside u0.
     """
 
     vehicle: VehicleClaim
@@ -44,17 +44,17 @@ class Model:
 
     @property
     def faster(self) -> fmpq:
-        """So many times as fast things happen for the car that drives."""
+        """How many times faster everything happens for the car that drives."""
         return self.speed / self.length
 
     @property
     def axes(self) -> tuple[fmpq, ...]:
-        """By what its states are multiplied."""
+        """The factors of its states: deviations of this car times these are those of the car that drives."""
         known = KNOWN_VEHICLES.get(self.vehicle.name)
         return known.axes(self.length, self.speed) if known else (fmpq(1),) * len(self.vehicle.states)
 
     def input_factors(self, driven: VehicleClaim) -> dict[str, fmpq]:
-        """By what its inputs are multiplied where the car that drives does the same."""
+        """The factors of its inputs: with these the car that drives makes the same motion."""
         known = KNOWN_VEHICLES.get(self.vehicle.name)
         if known is None:
             return dict.fromkeys(self.inputs, fmpq(1))
@@ -63,7 +63,7 @@ class Model:
         return {name: units[name] * factors[name] for name in self.inputs}
 
     def driven(self, funnel: FunnelClaim) -> FunnelClaim:
-        """A funnel that is proven for this car as the one that drives has it; of a scaled car an invariant one."""
+        """A funnel of this car in the units of the car that drives; a scaled one has to be invariant."""
         if self.length == self.speed == 1:
             return funnel
         axes, per_metre = self.axes, funnel.margin_per_metre
@@ -75,18 +75,18 @@ class Model:
         )
 
     def as_driven(self, bounds: Bounds) -> Bounds:
-        """Bounds of this car's paths as the one that drives has them."""
+        """Bounds of this car's paths in the units of the car that drives."""
         return bounds.scaled(self.length, self.speed)
 
     def as_proven(self, bounds: Bounds) -> Bounds:
-        """The other way round."""
+        """Bounds of the driving car's paths in the units of this car."""
         return bounds.scaled(1 / self.length, 1 / self.speed)
 
     def require_similar(self, driven: VehicleClaim, inputs: Inputs) -> None:
-        """That the car that drives, with these inputs, can do whatever this one does with its own.
+        """Raises unless the car that drives, with these inputs, can make every motion that this one makes with its own.
 
         Raises:
-            Broken: it cannot, or nobody knows.
+            Broken: it cannot, or the checker does not know the vehicle.
         """
         if self.vehicle.name not in KNOWN_VEHICLES and (self.length, self.speed, self.vehicle) != (1, 1, driven):
             raise Broken(f"it is proven for another vehicle, none of {', '.join(KNOWN_VEHICLES)} by similarity")

@@ -47,7 +47,7 @@ class SurroundingsClaim(NamedTuple):
 
     @property
     def hulls(self) -> tuple[ObstacleClaim, ...]:
-        """All that there is to clear, obstacles first."""
+        """Obstacles first, then each edge of each wall."""
         between = (edge for wall in self.walls for edge in wall.edges)
         return (*self.obstacles, *(ObstacleClaim(edge, fmpq(0)) for edge in between))
 
@@ -57,7 +57,7 @@ class SurroundingsClaim(NamedTuple):
         return tuple(wall for wall in self.walls if wall.side)
 
     def name(self, hull: int) -> str:
-        """What is meant by one of the hulls, by its number."""
+        """The name of a hull in messages, by its number."""
         if hull < len(self.obstacles):
             return f"obstacle {hull}"
         hull -= len(self.obstacles)
@@ -70,7 +70,7 @@ class SurroundingsClaim(NamedTuple):
 
 
 class ClearStretch(NamedTuple):
-    """Directions from the vehicle to what is beside it, in whole numbers, that serve until θ = `end` (s) of a leg."""
+    """Directions from the vehicle to the hulls, in whole numbers, that are used until θ = `end` (s) of a leg."""
 
     end: fmpq
     normals: tuple[Normal, ...]
@@ -80,7 +80,7 @@ ClearanceHints = tuple[tuple[ClearStretch, ...], ...]  # by leg
 
 
 class Blocked(ValueError):
-    """What is not proven, of the hull with that number."""
+    """The hull with this number is not proven to be clear."""
 
     def __init__(self, message: str, hull: int) -> None:
         super().__init__(message)
@@ -88,7 +88,7 @@ class Blocked(ValueError):
 
 
 class Body(NamedTuple):
-    """Discs with the funnel that holds, hulls that may be near, and what a proof that they stay apart may take."""
+    """The body's discs in the funnel, the hulls that may be near, and the budget of the proof that they stay apart."""
 
     shadows: tuple[Shadow, ...]
     nearby: Nearby

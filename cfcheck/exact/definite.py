@@ -1,9 +1,9 @@
 """Whether a symmetric matrix is positive definite, decided exactly.
 
-A factor L that floating-point numbers suggest is rounded to whole numbers: where Q − L Lᵀ is strictly diagonally
-dominant with a positive diagonal, Q is positive definite, whatever L is. Where this fails, the characteristic
-polynomial decides: its roots are real, as the matrix is symmetric, and all of them are positive exactly if its
-coefficients alternate in sign, none being zero (Descartes).
+A Cholesky factor L is computed in floating point and rounded to whole numbers. If Q − L Lᵀ is strictly diagonally
+dominant with a positive diagonal, Q is positive definite, whatever L is. If this fails, the characteristic polynomial
+decides: its roots are real, as the matrix is symmetric, and all of them are positive exactly if its coefficients
+alternate in sign and none is zero (Descartes).
 """
 
 import math
@@ -57,14 +57,14 @@ def is_positive_definite(matrix: Matrix | fmpq_mat) -> bool:
 
 
 def is_positive_definite_whole(matrix: Sequence[Sequence[int]]) -> bool:
-    """The same of a symmetric matrix of whole numbers."""
+    """Whether a symmetric matrix of whole numbers is positive definite."""
     return _is_dominated(matrix) or _has_positive_roots(matrix)
 
 
 def _is_dominated(matrix: Sequence[Sequence[int]]) -> bool:
-    """Whether the matrix less some L Lᵀ is strictly diagonally dominant, its diagonal positive: one L is tried.
+    """Whether the matrix minus L Lᵀ is strictly diagonally dominant with a positive diagonal; one L is tried.
 
-    Row by row by Σ_j |r_ij| ≤ √(n−1) √(Σ_j r_ij²) over the entries beside the diagonal: squares are summed in C.
+    For each row by Σ_j |r_ij| ≤ √(n−1) √(Σ_j r_ij²) over the entries beside the diagonal: squares are summed in C.
     """
     size = len(matrix)
     largest = max((row[k] for k, row in enumerate(matrix)), default=0)

@@ -1,12 +1,12 @@
-"""Polynomials with a remainder: the arithmetic in which sin and cos become polynomials without an error unpaid.
+"""Polynomials with a proven remainder: the arithmetic that replaces sin, cos and other functions by polynomials.
 
 An `Enclosure` of f on the ball {|y| ≤ r} is a polynomial p(y) and rationals ε₀, ε₁, ε₂ ≥ 0 with
 
-    |f(y) − p(y)| ≤ ε₀ + ε₁ |y| + ε₂ |y|²      on the ball:
+    |f(y) − p(y)| ≤ ε₀ + ε₁ |y| + ε₂ |y|²      on the ball.
 
-what is exact at the centre may stay so, and costs little where the funnel is narrow. Sums and products carry the ε
-along with proven bounds on the polynomials; a function of one variable is replaced by a polynomial on a proven range of
-its argument (`UnaryEnclosure`), whose bound arb balls establish.
+Errors that vanish at the centre go into ε₁ and ε₂, and cost little if the funnel is narrow. Sums and products propagate
+the ε. A function of one variable is replaced by a polynomial on a range of its argument (`UnaryEnclosure`);
+arb balls prove the bound of the error there.
 """
 
 from collections.abc import Sequence
@@ -40,10 +40,10 @@ class TooLarge(ValueError):
 
 @dataclass(frozen=True)
 class UnaryEnclosure:
-    """|f(t) − Σ coefficients_k t^k| ≤ bound for lower ≤ t ≤ upper, f one of `UNARY_FUNCTIONS`.
+    """|f(t) − Σ coefficients_k t^k| ≤ bound for lower ≤ t ≤ upper; f is one of `UNARY_FUNCTIONS`.
 
     Raises:
-        ValueError: where arb does not confirm the bound; an object of this class is a proven statement.
+        ValueError: arb does not confirm the bound. So every object of this class is a proven statement.
     """
 
     function: str
@@ -63,10 +63,10 @@ class UnaryEnclosure:
 def proven_bound(function: str, coefficients: tuple[fmpq, ...], lower: fmpq, upper: fmpq) -> fmpq:
     """A rational that is at least max |f(t) − Σ coefficients_k t^k| over lower ≤ t ≤ upper.
 
-    Taylor series on subintervals, Lagrange's remainder with the last coefficient taken over the whole subinterval.
+    On each subinterval by a Taylor series about its middle; the last coefficient is a ball over the whole subinterval.
 
     Raises:
-        ValueError: where f has a pole in the range, or the square root its end.
+        ValueError: f has a pole in the range, or the range reaches 0 for the square root.
     """
     polynomial = fmpq_poly(list(coefficients))
     half = (upper - lower) / (2 * SUBINTERVALS)
@@ -113,9 +113,9 @@ def _taylor(function: str, at: arb) -> list[arb]:
 
 
 class Budget:
-    """How much polynomial arithmetic a proof may ask for: a file must not make the checker hang.
+    """How much polynomial arithmetic a file may cause, so that no file makes the checker hang.
 
-    Counted in products of coefficients, long ones counted more, so that the answer is the same on every machine.
+    It counts products of coefficients, long ones more, so that the answer is the same on every machine.
     """
 
     def __init__(self, limit: int = LARGEST_EFFORT) -> None:
@@ -146,7 +146,7 @@ class Domain:
         """first · second, paid for out of the budget.
 
         Raises:
-            ValueError: where the product would be larger than any proof needs.
+            TooLarge: the product is larger than any proof needs.
         """
         if not len(first) or not len(second):
             return self.ring.constant(0)
@@ -160,7 +160,7 @@ class Domain:
         return result
 
     def sum(self, first: fmpq_mpoly, second: fmpq_mpoly) -> fmpq_mpoly:
-        """first + second, paid for likewise."""
+        """first + second, paid for out of the budget."""
         length = self._length(first) + self._length(second)  # of coefficients without a common denominator
         if len(first) + len(second) > MOST_TERMS or length > LONGEST_COEFFICIENT:
             raise TooLarge(TOO_LARGE)
@@ -168,17 +168,17 @@ class Domain:
         return first + second
 
     def negative(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
-        """−polynomial, paid for likewise."""
+        """−polynomial, paid for out of the budget."""
         self.budget.spend(len(polynomial) * (1 + self._length(polynomial) // 512))
         return -polynomial
 
     def divided(self, polynomial: fmpq_mpoly, divisor: fmpq_mpoly) -> fmpq_mpoly | None:
-        """polynomial / divisor, paid for as a product; None where that is no polynomial."""
+        """polynomial / divisor, paid for as a product; None if the division leaves a rest."""
         whole, rest = self._divmod(polynomial, divisor)
         return None if rest else whole
 
     def rest(self, polynomial: fmpq_mpoly, divisor: fmpq_mpoly) -> fmpq_mpoly:
-        """What is left of a polynomial where the divisor is zero, paid for likewise."""
+        """The rest of the division, paid for as a product: it equals the polynomial wherever the divisor is zero."""
         return self._divmod(polynomial, divisor)[1]
 
     def _divmod(self, polynomial: fmpq_mpoly, divisor: fmpq_mpoly) -> tuple[fmpq_mpoly, fmpq_mpoly]:
@@ -194,7 +194,7 @@ class Domain:
     def sizes(self, polynomial: fmpq_mpoly) -> list[fmpq]:
         """Rationals c_d with |polynomial(y)| ≤ Σ c_d |y|^d: Cauchy–Schwarz on each homogeneous part.
 
-        In balls: coefficients may be long, and what is wanted is short.
+        Computed in balls: the coefficients may be long, the bounds are short.
         """
         self.budget.spend(16 * len(polynomial))
         squares: dict[int, arb] = {}
@@ -215,10 +215,10 @@ class Domain:
         return sqrt_upper(self.radius_squared)
 
     def remainder_product(self, first: Sequence[fmpq], second: Sequence[fmpq]) -> Remainder:
-        """(Σ a_k |y|^k)(Σ b_k |y|^k) for a_k, b_k ≥ 0, with |y|^k ≤ r^{k−2} |y|² for k > 2.
+        """A bound of (Σ a_k |y|^k)(Σ b_k |y|^k) for a_k, b_k ≥ 0, by |y|^k ≤ r^{k−2} |y|² for k > 2.
 
         Raises:
-            ValueError: where the remainder says nothing any more.
+            TooLarge: the remainder is so large that it says nothing.
         """
         result = [fmpq(0), fmpq(0), fmpq(0)]
         for i, a in enumerate(first):
@@ -243,7 +243,7 @@ def _short_remainder(value: fmpq) -> fmpq:
 
 @lru_cache(maxsize=2**14)
 def multinomial_of(monomial: tuple[fmpz, ...]) -> tuple[int, int]:
-    """Degree d and multinomial number: (Σ c_m y^m)² ≤ (Σ c_m²/multinomial_m) |y|^{2d} for polynomials of degree d."""
+    """Degree d and multinomial: (Σ c_m y^m)² ≤ (Σ c_m²/multinomial_m) |y|^{2d} for homogeneous polynomials."""
     multinomial, placed = 1, 0
     for exponent in map(int, monomial):
         for k in range(1, exponent + 1):
@@ -278,7 +278,7 @@ class Enclosure:
         return Enclosure(self.domain, self.domain.product(self.polynomial, other.polynomial), remainder)
 
     def cut(self, degree: int) -> "Enclosure":
-        """The same with a polynomial of at most this degree: what is cut off is a remainder."""
+        """The same function by a polynomial of at most this degree; the other terms go into the remainder."""
         kept = cut(self.polynomial, degree)
         if kept == self.polynomial:
             return self
@@ -308,10 +308,10 @@ class Enclosure:
         return centre - reach, centre + reach
 
     def range_within(self, unary: UnaryEnclosure) -> tuple[fmpq, fmpq]:
-        """The range, which is no wider than that of the enclosure of a function.
+        """The range, if the enclosure of a function covers it.
 
         Raises:
-            ValueError: it is wider.
+            ValueError: it does not.
         """
         lower, upper = self.range()
         if not unary.lower <= lower <= upper <= unary.upper:
@@ -322,9 +322,9 @@ class Enclosure:
         return lower, upper
 
     def _number(self, function: str) -> "Enclosure":
-        """The function of what is a number but for the remainder: a ball, and no polynomial is needed."""
+        """The function of this enclosure if its polynomial is constant: arb evaluates it on a ball."""
         value, spread = fmpq(self.polynomial[(0,) * self.domain.ring.nvars()]), self.largest_remainder
-        if function == "inv" and value and not spread:  # a rational's is one
+        if function == "inv" and value and not spread:  # 1/rational is rational
             return self.domain.constant(1 / value)
         ball = _taylor(function, arb(arb(value), arb(spread)))[0]
         middle = upper_bound(ball.mid())
@@ -335,7 +335,7 @@ class Enclosure:
         """The function of this enclosure.
 
         Raises:
-            ValueError: where this enclosure reaches beyond the range on which the unary one holds.
+            ValueError: this enclosure reaches beyond the range of the unary one.
         """
         if self.polynomial.is_constant():
             return self._number(unary.function)
@@ -344,7 +344,7 @@ class Enclosure:
         for coefficient in reversed(unary.coefficients):
             result = self.domain.product(result, self.polynomial) + coefficient
         remainder: Remainder = (unary.bound, fmpq(0), fmpq(0))
-        if any(self.remainder):  # between p and f, along which the function changes by its slope
+        if any(self.remainder):  # mean value theorem between p and f
             slope = proven_slope(unary.function, unary.lower, unary.upper)
             remainder = remainder_sum(remainder, self.domain.remainder_product((slope,), self.remainder))
         return Enclosure(self.domain, result, remainder)

@@ -1,8 +1,7 @@
 """Expression graphs: the dynamics as data.
 
-A graph is a list of nodes, each an operation on earlier nodes, over named inputs. It is what a vehicle's JAX function
-becomes on its way into a proof (`cfjax.certificate.trace`): plain data that any arithmetic can evaluate, so that the
-checker needs neither JAX nor the vehicle's code.
+A graph is a list of nodes, each an operation on earlier nodes, over named inputs. A vehicle's JAX function is traced
+into one (`cfjax.certificate.trace`). Any arithmetic can evaluate it: the checker needs neither JAX nor that code.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -65,10 +64,15 @@ class Graph:
         constant: Callable[[fmpq], Any],
         function: Callable[[int, str, Any], Any],
     ) -> list[Any]:
-        """Values of the outputs in the arithmetic of `inputs`.
+        """Values of the outputs, in any arithmetic.
 
-        `constant` lifts a rational into that arithmetic; `function(node, name, argument)` applies one of
-        `UNARY_FUNCTIONS`.
+        Args:
+            inputs: A value for each named input, in that arithmetic.
+            constant: Lifts a rational into it.
+            function: `function(node, name, argument)` applies one of `UNARY_FUNCTIONS`.
+
+        Raises:
+            ValueError: the graph reads an input that is not among `inputs`.
         """
         values: list[Any] = []
         for index, node in enumerate(self.nodes):

@@ -1,7 +1,7 @@
-"""Polynomials over the rationals: whether one is nowhere below zero on an interval, decided exactly.
+"""Polynomials of one variable over the rationals: whether p ≥ 0 on an interval is decided exactly.
 
-By Bernstein coefficients, which enclose the polynomial on the interval, and where they leave it open by the roots of
-its part without squares.
+Bernstein coefficients enclose the polynomial on the interval. If they leave the answer open, its roots decide, counted
+after repeated factors are removed.
 """
 
 import itertools
@@ -28,7 +28,7 @@ def bernstein(coefficients: Sequence[fmpq], length: fmpq) -> list[fmpq]:
 
 
 def is_nonnegative(coefficients: Sequence[fmpq], length: fmpq) -> bool:
-    """Whether the polynomial is nowhere below zero on [0, length], ends included: decided exactly."""
+    """Whether the polynomial is ≥ 0 on [0, length], ends included."""
     control = bernstein(coefficients, length)
     if min(control) >= 0:
         return True
@@ -72,17 +72,17 @@ def _has_simple_root(control: list[fmpq]) -> bool:
 
 
 def evaluate(coefficients: Sequence[fmpq], at: fmpq) -> fmpq:
-    """Its value there."""
+    """The value of the polynomial at `at`."""
     return fmpq_poly(list(coefficients))(at)
 
 
 def integral(coefficients: Sequence[fmpq]) -> Coefficients:
-    """The one that is zero at zero."""
+    """The antiderivative that is zero at zero."""
     return (fmpq(0), *(c / (k + 1) for k, c in enumerate(coefficients)))
 
 
 def derivative(coefficients: Sequence[fmpq]) -> Coefficients:
-    """Of a constant, the constant zero."""
+    """The derivative; for a constant the constant zero."""
     return tuple(k * c for k, c in enumerate(coefficients))[1:] or (fmpq(0),)
 
 

@@ -1,8 +1,8 @@
 """Quotients of enclosures: the arithmetic in which rates with divisions stay polynomials.
 
-Where a rate divides by D, and D is above zero on the whole domain, V̇ ≤ −λ is the same as D V̇ ≤ −λ D. So nothing has to
-stand for 1/D: a `Quotient` keeps what is above and below the line, sums come over a common denominator, and what is to
-be proven is about what stands above it. That D is above zero is proven where it is first divided by.
+If a rate divides by D, and D > 0 on the whole domain, V̇ ≤ −λ is the same as D V̇ ≤ −λ D. So no polynomial has to
+approximate 1/D: a `Quotient` keeps numerator and denominator, sums have a common denominator, and the proof is about
+the numerator. D > 0 is proven before anything is divided by D.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,9 +21,9 @@ FACTOR_EFFORT = 64  # of a factor, whatever it is multiplied with
 
 @dataclass(frozen=True)
 class Divisor:
-    """A function that is at least `least` > 0 on the domain; `given` is that function, or what it is the negative of.
+    """A function that is at least `least` > 0 on the domain; it is `given`, or −`given` where that is negative.
 
-    `inverse` encloses one over what is given.
+    `inverse` encloses 1/`given`.
     """
 
     given: Enclosure
@@ -77,7 +77,7 @@ class Quotient:
         powers = dict(self.powers)
         for node, power in other.powers.items():
             exponent = power.exponent + (powers[node].exponent if node in powers else 0)
-            if exponent > LARGEST_DEGREE:  # of nothing over it, say, which costs nothing else
+            if exponent > LARGEST_DEGREE:  # with numerator 0 nothing else would stop it
                 raise TooLarge(TOO_LARGE)
             powers[node] = Power(power.divisor, exponent)
         return Quotient(self.numerator * other.numerator, powers)
@@ -96,7 +96,7 @@ class Quotient:
         for node, (divisor, exponent) in powers.items():
             own = self.powers[node].exponent if node in self.powers else 0
             for _ in range(exponent - own):
-                found.domain.budget.spend(FACTOR_EFFORT)  # nothing over many divisors takes time too
+                found.domain.budget.spend(FACTOR_EFFORT)  # products with 0 take time too
                 found = found * divisor.value
         return found
 
@@ -107,7 +107,7 @@ class Quotient:
 
     @property
     def least_denominator(self) -> fmpq:
-        """A rational above zero that the denominator nowhere falls below."""
+        """A rational above zero that is at most the denominator everywhere."""
         return prod((divisor.least**exponent for divisor, exponent in self.powers.values()), start=fmpq(1))
 
     def enclosed(self) -> Enclosure:
@@ -121,7 +121,7 @@ class Quotient:
     def reduced(self) -> "Quotient":
         """Without divisors whose polynomials divide the numerator's.
 
-        Remainders are left out: it stands for a function of which nothing is claimed.
+        Remainders are left out, so the result encloses nothing; it only defines where cells are cut.
         """
         polynomial, powers = self.numerator.polynomial, dict(self.powers)
         for node, (divisor, exponent) in self.powers.items():
@@ -138,10 +138,10 @@ UnaryOf = Callable[[int, str, Enclosure], UnaryEnclosure]  # of a node that appl
 
 
 def applied(node: int, function: str, argument: Quotient, unary_of: UnaryOf) -> Quotient:
-    """A function of a quotient, by the enclosure that is given for the node; one over what changes is kept as it is.
+    """A function of a quotient, by the node's enclosure; 1/D with a D that is not constant stays a division.
 
     Raises:
-        ValueError: the argument leaves the range of the node's enclosure, or is divided by where it may be zero.
+        ValueError: the argument leaves the range of the node's enclosure, or a divisor may be zero.
     """
     given = argument.enclosed()
     unary = unary_of(node, function, given)

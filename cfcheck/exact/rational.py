@@ -14,7 +14,7 @@ Matrix = Sequence[Sequence[fmpq]]
 DYADIC = 80  # bits behind the point of numbers that are rounded to be short
 LARGEST_EXPONENT = 64
 PRECISION_BITS = 128  # of the arb balls that bound π, exponentials and square roots
-LONGEST_DYADIC = 2**16  # bits of what a ball may become: its exponent is a number of any size
+LONGEST_DYADIC = 2**16  # bits: the exponent of a ball's end may be a number of any size
 EXACT_DIGITS = 17  # a decimal that is exact is printed in full up to this length, any float's shortest form among them
 ROUNDED_DIGITS = 6
 
@@ -92,7 +92,7 @@ def bits(value: fmpq) -> int:
 
 
 def decimal_text(value: fmpq, rounding: str = ROUND_HALF_EVEN) -> str:
-    """The rational itself where its decimal is short, else six significant digits.
+    """The rational as a decimal: exact if that is short, else rounded to six significant digits.
 
     `rounding` is one of `decimal.ROUND_…`: `ROUND_FLOOR` gives a decimal that is at most the rational, `ROUND_CEILING`
     one that is at least the rational. The rational may be of any size.
@@ -108,7 +108,7 @@ def decimal_text(value: fmpq, rounding: str = ROUND_HALF_EVEN) -> str:
 
 
 def about(value: fmpq) -> str:
-    """The rational as a decimal that says so where it is rounded."""
+    """The rational as a decimal, with "about" before it if it is rounded."""
     text = decimal_text(value)
     exact = Fraction(text) == Fraction(int(value.p), int(value.q))
     return text if exact else f"about {text}"

@@ -6,7 +6,7 @@ With the funnel {xᵀ C x ≤ ρ(θ)}, I = {xᵀ P_I x ≤ 1}, G = {xᵀ P_G x <
     (b)  C ≻ ρ(T) P_G, ρ(T) > 0      V(T, x) > 1 outside G
     (c)  ρ(θ) (C⁻¹)_ii < s_i²        V > 1 outside S;  with s = π for the heading, where it wraps
 
-Where ρ is not rational, a rational above it stands for it.
+If ρ is not rational, a rational above it takes its place.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from typing import NamedTuple
 from flint import fmpq, fmpq_mat
 
 from cfcheck.exact.definite import diagonal, exact_matrix, is_positive_definite
-from cfcheck.exact.rational import Matrix, Range, pi_lower, sqrt_upper
+from cfcheck.exact.rational import Matrix, Range, pi_lower
 
 
 HEADING = "alpha"
@@ -33,9 +33,16 @@ class Sets(NamedTuple):
 
 
 def broken_containments(states: Sequence[str], shape: Matrix, end: Range, sets: Sets) -> list[str]:
-    """What is not proven of (a), (b), (c): one line each, none for a funnel that satisfies them.
+    """The conditions among (a), (b), (c) that are not proven, one line each.
 
-    `end` are rationals below and above ρ(T).
+    Args:
+        states: Names of the states, for messages and for the heading, which wraps.
+        shape: C.
+        end: Rationals below and above ρ(T).
+        sets: I, G and S.
+
+    Returns:
+        An empty list if the funnel satisfies all of them.
     """
     lowest_end, highest_end = end
     form, broken = exact_matrix(shape), []
@@ -55,12 +62,6 @@ def broken_containments(states: Sequence[str], shape: Matrix, end: Range, sets: 
         if state == HEADING and not reach_squared < pi_lower() ** 2:
             broken.append("condition (c): the funnel reaches the heading where it wraps")
     return broken
-
-
-def half_widths(shape: Matrix) -> list[fmpq]:
-    """Rationals that are at least the largest |x_i| with xᵀ C x ≤ 1, in the units of the states."""
-    inverse = exact_matrix(shape).inv()
-    return [sqrt_upper(inverse[i, i]) for i in range(len(shape))]
 
 
 def _ellipsoid(half_axes: Sequence[fmpq]) -> fmpq_mat:

@@ -1,4 +1,4 @@
-"""Condition (d) in exact arithmetic: what has to be shown for one vertex of the input box, and how Gram matrices do.
+"""Condition (d) in exact arithmetic: on each cell of the shell one vertex of the input box makes V decrease.
 
 On a steady segment, with x = W y for a rational whitening W ≈ C^{−1/2} and q = xᵀ C x, the claim "some input gives
 V̇ ≤ −λ on the shell" reads (`cfcheck.kernel.level`)
@@ -9,24 +9,22 @@ Within bounds it has to hold at several references (`cfcheck.path.bounds`), for 
 same y: these share the s_i below, which are then those of their nominal reference.
 
 The shell is cut at the q where `weight` has its kink, and each piece into the cells of one sign pattern of the
-polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
-of one vertex u of the input box. (So they are cut at the degree for which there is room beside their Gram matrices.) On
-a cell
+polynomials s_i ≈ ∂(V̇)/∂(input i). Whatever the s_i are, their sign cells cover the shell; on each the proof is about
+one vertex u of the input box. (So the s_i may be cut at the degree for which their Gram matrices have room.) On a cell
 
     p_u − ε − λ weight = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
-where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos. (A file states a bound e + e' |y|² of ε, which is taken in its
-place: how anybody comes by ε is no matter then, as long as it is no more.) What the Gram matrices then prove,
-`cfcheck.kernel.program` says.
+where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos. A file states a bound e + e' |y|² of ε. It is verified and
+used as ε, so another checker may compute ε in another way. `cfcheck.kernel.program` says what the Gram matrices prove.
 
-Where a **law** is part of the question (`cfcheck.kernel.law`), its inputs are no choice: a cell says of each of them
-whether it is at its lower limit, inside or at its upper one, and u stands there for what the law is on that cell, a
-polynomial with remainder. What is left to choose is u0. The same arithmetic carries the remainder of u into ε.
+If a **law** is part of the question (`cfcheck.kernel.law`), it gives the inputs, and only u0 is left to choose. A cell
+says of each of these inputs whether it is at its lower limit, inside or at its upper limit. There u is the law's value
+on that cell, a polynomial with remainder, and the remainder goes into ε.
 
-Where the rates divide by something, F_u is a quotient with a denominator D > 0 (`cfcheck.exact.quotient`). Then p_u − ε
-encloses D F_u, and p_D weight takes the place of the weight, p_D being the polynomial of D with |D − p_D| ≤ δ. The
-identity shows D F_u ≥ λ p_D weight + r, so F_u ≥ λ (p_D/D) weight − |r|/D. A lower bound of D is known, and p_D/D
-differs from 1 by at most δ/D.
+If the rates have divisions, F_u is a quotient with a denominator D > 0 (`cfcheck.exact.quotient`). Then p_u ± ε
+encloses D F_u, and p_D weight replaces the weight, where p_D is the polynomial of D and |D − p_D| ≤ δ. The identity
+shows D F_u ≥ λ p_D weight + r, so F_u ≥ λ (p_D/D) weight − |r|/D. A lower bound of D is known, and p_D/D differs from 1
+by at most δ/D.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -102,7 +100,7 @@ class SteadyDecrease(FunnelProgram):
         )
 
     def law_values(self, unary_of: UnaryOf) -> dict[str, Quotient]:
-        """What the law says before it is limited, by input; nothing without one."""
+        """The law's value before it is limited, by input; empty without a law."""
         if self.law is None:
             return {}
         values = self._states | {f"reference:{name}": self.number(self.extreme.profile[name]) for name in READABLE}
@@ -124,11 +122,11 @@ class SteadyDecrease(FunnelProgram):
         return Quotient(self.domain.constant(value))
 
     def _timing(self, piece: LevelPiece, share: fmpq) -> Quotient:
-        """A share of what V changes by with θ, on a piece."""
+        """timing(q) times u0 = `share`, on a piece."""
         return Quotient(self.domain.exact(piece.timing.at(self.form) * share))
 
     def form_rate(self, vertex: Vertex, profile: Mapping[str, fmpq]) -> Quotient:
-        """q̇ = ∇q · f(x, u) at constant inputs, and at those of a law on its cell."""
+        """q̇ = ∇q · f(x, u); an entry of the vertex is a number, or the regime of an input that a law gives."""
         inputs = {
             name: self.limited[name].value(int(entry)) if name in self.limited else self.number(fmpq(entry))
             for name, entry in zip(self.inputs, vertex, strict=True)
@@ -141,7 +139,7 @@ class SteadyDecrease(FunnelProgram):
 
     @cached_property
     def signed_inputs(self) -> tuple[str, ...]:
-        """Inputs with room to move, for which cells have a sign; u0 of trajectory tracking has none."""
+        """Inputs whose lower and upper limits differ: cells have a sign for each; not for u0 of trajectory tracking."""
         return tuple(name for name, (lower, upper) in self.inputs.items() if lower < upper)
 
     @property
@@ -160,12 +158,12 @@ class SteadyDecrease(FunnelProgram):
         }
 
     def _cut_at(self, name: str) -> int | None:
-        """The degree up to which there is room beside an input's Gram matrix; None where it is not known yet."""
+        """The largest degree of s_i for which its product with Q_i fits Q₀; None if that is not known yet."""
         index = 1 + self.signed_inputs.index(name)
         return 2 * (self.degrees[0] - self.degrees[index]) if index < len(self.degrees) else None
 
     def _entry(self, name: str, sign: int) -> fmpq | int:
-        """Of the vertex: the lower end where the sign is +, else the upper one; of a law its regime."""
+        """The vertex's entry for an input: the lower end for sign +, else the upper one; for a law its regime."""
         lower, upper = self.inputs[name]
         return sign if name in self.limited else upper if sign < 0 else lower
 
@@ -203,12 +201,12 @@ class SteadyDecrease(FunnelProgram):
         return self.pieces[cell.piece].least_weight * self.form_rates[cell.vertex].least_denominator
 
     def proven_margin(self, proof: CellProof) -> fmpq:
-        """As of every program, less what the denominator's own remainder costs."""
+        """As for every program, minus |λ| δ/D for the remainder δ of the denominator."""
         shown, rate = super().proven_margin(proof), self.form_rates[proof.cell.vertex]
         return shown - abs(proof.margin) * rate.denominator.largest_remainder / rate.least_denominator
 
     def target(self, cell: Cell) -> fmpq_mpoly:
-        """p_u − ε(y): a polynomial that is nowhere on the ball above D F_u."""
+        """p_u − ε(y): a polynomial that is at most D F_u everywhere on the ball."""
         demand = self._demand(cell)
         constant, square = self.remainder(cell) if cell.remainder is None else self._stated(cell, cell.remainder)
         return self.domain.negative(self.domain.sum(demand.polynomial, self.norm_squared * square + constant))
@@ -219,16 +217,16 @@ class SteadyDecrease(FunnelProgram):
         return (self.form_rates[cell.vertex] + self._timing(self.pieces[cell.piece], u0)).numerator
 
     def remainder(self, cell: Cell) -> Remainder:
-        """e and e' with ε ≤ e + e' |y|² on the ball, as this arithmetic finds them, a little rounded up."""
+        """e and e' with ε ≤ e + e' |y|² on the ball, as computed here, rounded up a little."""
         # closest at the inner edge, where remainders weigh most against the weight: |y|² is nearly q/peak
         constant, square = self._demand(cell).remainder_bound(sqrt_upper(self.pieces[cell.piece].lower / self.peak))
         return dyadic(constant, up=True), dyadic(square, up=True)
 
     def _stated(self, cell: Cell, remainder: Remainder) -> Remainder:
-        """The bound that a file states.
+        """The bound of ε that a file states, verified.
 
         Raises:
-            ValueError: somewhere on the ball it is below the one that is known.
+            ValueError: somewhere on the ball it is below the bound that is computed here.
         """
         least = self.remainder(cell)
         for size in (fmpq(0), self.domain.radius_squared):  # both are affine in |y|²
@@ -238,7 +236,7 @@ class SteadyDecrease(FunnelProgram):
 
     @cached_property
     def slopes(self) -> dict[str, Quotient]:
-        """∂q̇/∂(input i) for each free input at the nominal reference, as the proof has it: without remainders."""
+        """∂q̇/∂(input i) for each free input at the nominal reference, without remainders: they only define cells."""
         found = {}
         nominal, profile = self.extreme
 
@@ -277,9 +275,9 @@ class SteadyDecrease(FunnelProgram):
 
 
 def by_boundary(values: Sequence[int], signs: Sequence[int]) -> tuple[int, ...]:
-    """What there is for each Gram matrix of a stretch (Q₀, one for each sign, both ends of a piece), for one cell.
+    """Values of a stretch's Gram matrices (Q₀, one for each sign, both ends of a piece), repeated for one cell.
 
-    Inside a law's limits both boundaries count.
+    Inside a law's limits an input has two boundaries, so its value stands there twice.
     """
     first, *rest = values
     own = [value for value, sign in zip(rest, signs, strict=False) for _ in range(2 if sign == INSIDE else 1)]

@@ -2,27 +2,27 @@
 
 A funnel is V of a template (`cfcheck.kernel.level`) with margins. λ (1/s) says V̇ ≤ −λ min(1, V/β̲) on β_in ≤ V ≤ 1. One
 that does not change with θ holds wherever its bounds do, along any path, and has a margin μ for each metre too:
-V̇ ≤ −μ v_r min(1, V/β̲). The reference moves by ds = u0 v_r dt with u0 ≤ u0_hi, and the run-time law is supposed to
-enforce 0.95 of what is certified: dV/ds ≤ −(0.95 μ/u0_hi) min(1, V/β̲), which is integrated.
+V̇ ≤ −μ v_r min(1, V/β̲). The reference moves by ds = u0 v_r dt with u0 ≤ u0_hi. The run-time law has to enforce 0.95 of
+the certified decrease, so dV/ds ≤ −(0.95 μ/u0_hi) min(1, V/β̲). This is integrated here.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
-from flint import arb, fmpq, fmpq_mat
+from flint import fmpq, fmpq_mat
 
 from cfcheck.exact.definite import exact_matrix
-from cfcheck.exact.rational import Matrix, exp_bounds, upper_bound
+from cfcheck.exact.rational import Matrix, exp_bounds
 from cfcheck.kernel.level import Level
 
 
-LAW_SHARE = fmpq(19, 20)  # of the certified decrease: what the run-time law (`cfjax.control`) asks for
+LAW_SHARE = fmpq(19, 20)  # of the certified decrease, which the run-time law (`cfjax.control`) enforces
 STEEPEST_EXPONENT = fmpq(64)  # all levels below e^−64 count as e^−64
 
 
 @dataclass(frozen=True)
 class FunnelClaim:
-    """V of a template, β = 1, with the margins λ (1/s) and, if it holds along any path, μ (1/m) that are claimed."""
+    """V of a template, β = 1, with the claimed margins λ (1/s) and, if it holds along any path, μ (1/m)."""
 
     level: Level
     shape: Matrix
@@ -39,7 +39,7 @@ class FunnelClaim:
     def level_after(self, distance: fmpq, fastest: fmpq) -> fmpq:
         """A rational that V is at most after so many metres of reference with u0 ≤ `fastest`, from V ≤ 1.
 
-        1 where no margin per metre is claimed.
+        It is 1 if no margin per metre is claimed.
         """
         if self.margin_per_metre is None:
             return fmpq(1)
@@ -49,13 +49,6 @@ class FunnelClaim:
 def metres(margin_per_metre: fmpq, fastest: fmpq) -> fmpq:
     """u0_hi/(0.95 μ): metres of reference in which the law lowers V by one, as long as it is above β̲."""
     return fastest / (LAW_SHARE * margin_per_metre)
-
-
-def contraction_way(beta_lower: fmpq, level: fmpq) -> fmpq:
-    """A rational that is at least ∫ dV / min(1, V/β̲) from the level to 1: 1 − β̲ + β̲ ln(β̲/level) below β̲."""
-    if level >= beta_lower:
-        return max(1 - level, fmpq(0))
-    return 1 - beta_lower + beta_lower * upper_bound(arb(beta_lower / level).log())
 
 
 def fallen_level(fallen: fmpq, beta_lower: fmpq, beta_inner: fmpq) -> fmpq:

@@ -1,7 +1,7 @@
 """A feedback law with saturation: u = clip(k, lower, upper), where its cells lie and what it is on each of them.
 
 k is a quotient N/D with D > 0, known as polynomials with remainders: |N − p_N| ≤ ε_N, |D − p_D| ≤ ε_D, D ≥ d. At each
-end of the limits the boundary is s = p_N − end p_D, cut at some degree; what is cut is at most c. Then
+end of the limits the boundary is s = p_N − end p_D, cut at some degree; the terms cut off are at most c. Then
 
     |(N − end D) − s| ≤ ε = ε_N + |end| ε_D + c,
 
@@ -29,8 +29,8 @@ from cfcheck.exact.quotient import Quotient
 
 LOW, INSIDE, HIGH = -1, 0, 1  # the sign of a cell: where the law lies with respect to the limits
 REGIMES = LOW, INSIDE, HIGH
-DEGREES = 3, 4  # that are tried, of the polynomials that stand for a law: what is above is a remainder
-READABLE = ("turn_rate", "speed", "speed_slope")  # of the reference: what a law may depend on, beside the states
+DEGREES = 3, 4  # of the polynomials that approximate a law; terms above are a remainder
+READABLE = ("turn_rate", "speed", "speed_slope")  # of the reference: a law may depend on these and on the states
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class LawClaim:
 
 @dataclass(frozen=True)
 class Limited:
-    """One input of a law on a domain; boundaries are cut at `degree`, None: not at all."""
+    """One input of a law on a domain; boundaries are cut at `degree`, or not cut if it is None."""
 
     own: Quotient  # k
     lower: fmpq
@@ -66,7 +66,7 @@ class Limited:
         return whole if self.degree is None else whole.cut(self.degree)
 
     def _beside(self, end: fmpq) -> Remainder:
-        """c + |end| ε_D: what s leaves out, beside the numerator's own remainder."""
+        """c + |end| ε_D: the error of s without the numerator's own remainder."""
         of_denominator = self.denominator.domain.remainder_product((abs(end),), self.denominator.remainder)
         return remainder_sum(self._cut(end).remainder, of_denominator)
 

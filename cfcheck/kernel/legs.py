@@ -1,4 +1,4 @@
-"""Legs and joints: funnels in turn along a path, each of which leads into the next one.
+"""Legs and joints: funnels along a path, one after another, each of which leads into the next one.
 
 A leg is a part of a path with the funnel that holds there. Its θ counts from where it begins. At its end V is at most
 what the funnel's margin per metre makes of 1 (`FunnelClaim.level_after`), and at most 1 where it has none. A joint says
@@ -76,7 +76,7 @@ class Joint:
 
     @property
     def name(self) -> str:
-        """Which joint is spoken of."""
+        """The joint's name in messages."""
         return f"joint, from leg {self.before.index} to leg {self.after.index}"
 
     @cached_property
@@ -100,7 +100,7 @@ def from_zero(pieces: Sequence[Piece]) -> tuple[Piece, ...]:
 
 
 def different(legs: Sequence[Leg]) -> list[Leg]:
-    """Those among them that the dynamics can tell apart."""
+    """One leg for each course of turning rate and speed: legs at other places differ in nothing that (d) reads."""
     found: dict[tuple, Leg] = {}
     for leg in legs:
         found.setdefault(tuple((piece.duration, piece.turn_rate, piece.speed) for piece in leg.pieces), leg)
@@ -123,12 +123,18 @@ def gaps(legs: Sequence[Leg], closed: bool) -> Iterator[tuple[Leg, Leg, Gap]]:
 
 
 def joints_of(legs: Sequence[Leg], closed: bool, ratios: Sequence[fmpq]) -> tuple[Joint, ...]:
-    """As they are claimed."""
+    """The joints between the legs, with the ratios that a file claims."""
     return tuple(Joint(*meeting, ratio) for meeting, ratio in zip(gaps(legs, closed), ratios, strict=True))
 
 
 def prove_joints(legs: Sequence[Leg], closed: bool, ratios: Sequence[fmpq], fastest: fmpq) -> tuple[Joint, ...]:
-    """Proves that deviations which start inside the first funnel are inside each one along its leg; u0 ≤ `fastest`.
+    """Proves that deviations which start in the first funnel stay in each funnel along its leg.
+
+    Args:
+        legs: In the order of the path; condition (d) of each is proven elsewhere.
+        closed: Whether the last leg leads into the first one.
+        ratios: One for each joint, as the file claims it: C₁ ≻ ratio C₂.
+        fastest: The upper limit of u0.
 
     Raises:
         Broken: says what is not proven.

@@ -1,4 +1,4 @@
-"""How far a funnel reaches at each θ: the templates of V, each at one rate, in exact numbers.
+"""The templates of V, each at one rate, in exact numbers: how far a funnel reaches at each θ.
 
 With the quadratic form q = xᵀ C x of the deviation and a rate (1/s) the funnel V ≤ 1 is q ≤ ρ(θ), as in
 `cfjax.funnel.template`:
@@ -70,7 +70,7 @@ class Level(abc.ABC):
         return self.form_bounds(fmpq(1), theta)
 
     def extent(self, span: Range) -> Range:
-        """The same of all ρ(θ) with θ from one end of the span to the other."""
+        """Rationals below and above every ρ(θ) with θ in the span."""
         if not self.rate:
             return fmpq(1), fmpq(1)
         (first_low, first_high), (last_low, last_high) = map(self.bounds, span)
@@ -82,13 +82,13 @@ class Level(abc.ABC):
 
     @abc.abstractmethod
     def value_rate(self, theta: fmpq, form: fmpq, form_rate: arb, u0: arb) -> arb:
-        """V̇ where q and q̇ are these."""
+        """V̇ at θ for these q, q̇ and u0."""
 
     @abc.abstractmethod
     def deviation_scale(self, least: fmpq, peak: fmpq) -> tuple[fmpq, fmpq]:
         """Upper bounds of √(s q) on V ≤ 1 and of s, where V is s q and a part of θ alone: s = 1, or s = 1/ρ.
 
-        `peak` is at least every ρ that is spoken of, and `least` at most every 1/σ.
+        `peak` is at least every ρ of the stretch, and `least` at most every 1/σ.
         """
 
     @abc.abstractmethod
@@ -110,7 +110,7 @@ class Level(abc.ABC):
 
     @abc.abstractmethod
     def _shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
-        """The same, wherever it begins."""
+        """The shell without the check that q = 0 is outside it."""
 
 
 class Paper(Level):

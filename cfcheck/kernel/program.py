@@ -1,12 +1,12 @@
-"""A claim on a funnel that Gram matrices prove: its coordinates, its identity, and what rounding left over.
+"""A claim on a funnel that Gram matrices prove: coordinates, the identity, and the leftover of rounding.
 
 With x = W y for a rational whitening W ≈ (C/peak)^{−1/2} the funnel {q = xᵀ C x ≤ peak} is nearly the unit ball in y. A
 program says, cell by cell, which λ is largest with
 
     target − λ weight = z₀ᵀ Q₀ z₀ + Σ_k g_k zᵀ Q_k z + r,        every Q positive definite,
 
-for polynomials g_k that are not negative on the cell. r, what rounding left over, is a polynomial too; on a ball that
-holds the funnel |r| ≤ bound, so target ≥ λ weight − bound ≥ (λ − bound / least weight) weight on the cell.
+for polynomials g_k ≥ 0 on the cell. The polynomial r is left over by rounding. On a ball that contains the funnel
+|r| ≤ bound, so target ≥ λ weight − bound ≥ (λ − bound / least weight) weight on the cell.
 """
 
 import abc
@@ -51,7 +51,7 @@ class Gram:
         return max(map(int.bit_length, self.lower))
 
 
-@lru_cache(maxsize=1024)  # whoever makes a proof asks, and once more of what the file says
+@lru_cache(maxsize=1024)  # the certifier asks when it makes a proof, and again when it replays it
 def is_definite(gram: Gram) -> bool:
     """Whether the matrix is positive definite."""
     return is_positive_definite_whole(gram.whole)
@@ -81,30 +81,30 @@ class FunnelProgram(abc.ABC):
 
     @abc.abstractmethod
     def cells(self) -> Iterator[Any]:
-        """What has to be proven one by one."""
+        """The cells, each of which has its own proof; together they cover the funnel or its shell."""
 
     @abc.abstractmethod
     def target(self, cell: Any) -> fmpq_mpoly:
-        """What is to be at least λ weight on the cell."""
+        """The polynomial that has to be at least λ weight on the cell."""
 
     @abc.abstractmethod
     def weight(self, cell: Any) -> fmpq_mpoly:
-        """What λ is counted in."""
+        """The polynomial that λ multiplies."""
 
     @abc.abstractmethod
     def least_weight(self, cell: Any) -> fmpq:
-        """A positive number that weight nowhere falls below on the cell."""
+        """A positive number that is at most the weight everywhere on the cell."""
 
     @abc.abstractmethod
     def constraints(self, cell: Any) -> list[fmpq_mpoly]:
-        """Polynomials that are not negative on the cell."""
+        """Polynomials that are ≥ 0 on the cell."""
 
     @cached_property
     def ring(self) -> fmpq_mpoly_ctx:
         return fmpq_mpoly_ctx.get([f"y{k}" for k in range(len(self.states))], "degrevlex")
 
     def degrees_of(self, cell: Any) -> tuple[int, ...]:
-        """Of the monomials in the Gram matrices of one cell; the same of all where all have as many constraints."""
+        """Degrees of the monomials in the Gram matrices of one cell."""
         return self.degrees
 
     def bases_of(self, cell: Any) -> list[tuple[Exponents, ...]]:
@@ -138,7 +138,7 @@ class FunnelProgram(abc.ABC):
         return sum((y * y for y in self.ring.gens()), self.ring.constant(0))
 
     def edges(self, lower: fmpq, upper: fmpq) -> list[fmpq_mpoly]:
-        """q − lower and upper − q, for constraints; the first says nothing where the lower end is 0."""
+        """The constraints q − lower and upper − q; without the first one if the lower end is 0."""
         above = [self.form - lower] if lower > 0 else []
         return [*above, upper - self.form]
 
@@ -153,10 +153,10 @@ class FunnelProgram(abc.ABC):
         return Domain(self.ring, radius_squared)
 
     def proven_margin(self, proof: CellProof) -> fmpq:
-        """The λ that the proof shows on its cell: its margin less what the leftover r costs.
+        """The λ that the proof shows on its cell: its margin minus max |r| / least weight.
 
         Raises:
-            ValueError: names what is not as it has to be.
+            ValueError: a Gram matrix is missing, has another size, or is not positive definite.
         """
         cell = proof.cell
         factors = [self.ring.constant(1), *self.constraints(cell)]

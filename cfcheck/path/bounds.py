@@ -2,7 +2,7 @@
 
 In the body frame a path enters the dynamics only through its curvature κ = ω_r/v_r, its speed v_r, the acceleration
 a = dv_r/dθ and, where the states of a reference go with the curvature, its rate κ' = dκ/dθ. Bounds are intervals of
-these. Why their extreme references speak for all of them is shown on the vehicle's graph (`cfcheck.vehicle.structure`).
+these. `cfcheck.vehicle.structure` shows, on the vehicle's graph, why it is enough to prove their extreme references.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ MOST_EXTREMES = 16  # references of a stretch: ends of curvature and its rate, s
 
 
 class Extreme(NamedTuple):
-    """One reference that has to be proven, and the one at which the signs of its cells are read; by profile names."""
+    """A reference `profile` for which (d) has to be proven; `nominal` is the one at which its cells' signs are read."""
 
     nominal: Mapping[str, fmpq]
     profile: Mapping[str, fmpq]
@@ -40,13 +40,13 @@ class Bounds:
 
     @property
     def intervals(self) -> dict[str, Range]:
-        """Those that there are, by name."""
+        """The intervals by name; that of the curvature's rate only if there is one."""
         named = {"curvature": self.curvature, "speed": self.speed, "acceleration": self.acceleration}
         return named if self.curvature_rate is None else named | {"curvature_rate": self.curvature_rate}
 
     @property
     def is_single(self) -> bool:
-        """Whether they hold one reference alone."""
+        """Whether they contain a single reference."""
         flat = all(lower == upper for lower, upper in (self.curvature, self.speed, self.acceleration))
         return flat and self.curvature_rate in (None, (0, 0))
 
@@ -71,14 +71,14 @@ class Bounds:
         )
 
     def extremes(self, mirrored: bool = False) -> list[Extreme]:
-        """References that speak for all: by curvature, then acceleration, then speed, lower ends first.
+        """References that suffice for all: by curvature, then acceleration, then speed, lower ends first.
 
         The two speeds of one curvature and acceleration have one nominal reference, and so one sign pattern and vertex:
         the vertex that is best at the highest speed. (At lower ones acceleration may call for another u0, but thrust
         then has room to make up for it, where at the highest speed a wrong u0 would cost most.)
 
         With bounds of the curvature's rate they are the vertices of the box, and signs, and with them the one input of
-        all, are read in its middle: no mirror image speaks for another one there.
+        all, are read in its middle; mirror images are of no use there.
         """
         if self.curvature_rate is not None:
             box = self.curvature, self.speed, self.acceleration, self.curvature_rate
@@ -92,7 +92,7 @@ class Bounds:
 
 
 def _profile(kappa: fmpq, v: fmpq, a: fmpq, kappa_rate: fmpq | None = None) -> dict[str, fmpq]:
-    """What the dynamics see of a reference; where the curvature may jump they may not depend on the slope."""
+    """A reference's inputs to the dynamics; these must not depend on the slope ω' if the curvature may jump."""
     slope = fmpq(0) if kappa_rate is None else kappa_rate * v + kappa * a
     return {"turn_rate": kappa * v, "speed": v, "turn_rate_slope": slope, "speed_slope": a}
 

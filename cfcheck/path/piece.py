@@ -1,6 +1,6 @@
 """A piece of a reference, on which turning rate ω_r(θ) and speed v_r(θ) are polynomials over the rationals.
 
-Whether it stays inside bounds (`cfcheck.path.bounds`) is decided exactly: one such as κ = ω_r/v_r ≤ κ_hi is the
+Whether it stays inside bounds (`cfcheck.path.bounds`) is decided exactly: κ = ω_r/v_r ≤ κ_hi, for example, is the
 polynomial inequality κ_hi v_r − ω_r ≥ 0 on the piece (`cfcheck.exact.polynomial`). Turn and length are integrals and
 rational, the displacement is enclosed in balls (`cfcheck.path.displacement`).
 """
@@ -47,7 +47,7 @@ class Piece:
         return evaluate(integral(self.speed), self.duration)
 
     def profile(self, at: fmpq) -> dict[str, fmpq]:
-        """What the dynamics see of it at t (s), by the names of a vehicle's graph."""
+        """The reference's inputs to the dynamics at t (s), by the names of a vehicle's graph."""
         return {
             "turn_rate": evaluate(self.turn_rate, at),
             "speed": evaluate(self.speed, at),
@@ -67,7 +67,7 @@ class Piece:
 
     @cached_property
     def halves(self) -> tuple["Piece", "Piece"]:
-        """Its two halves, which keep what is computed of them."""
+        """Its two halves, as objects that keep their cached values."""
         first, second = self.split([self.duration / 2])
         return first, second
 
@@ -84,7 +84,7 @@ class Piece:
 
     @cached_property
     def way(self) -> fmpq:
-        """Metres that the reference moves at most, forwards and backwards together."""
+        """An upper bound of the metres that the reference moves, forwards and backwards together."""
         control = bernstein(self.speed, self.duration)
         return self.length if min(control) >= 0 else max(map(abs, control)) * self.duration
 
@@ -104,10 +104,10 @@ class Piece:
         )
 
     def keeps(self, quantity: str, is_upper: bool, bound: fmpq, effort: Budget | None = None) -> bool:
-        """Whether the quantity stays on its side of the bound all along: exactly; of curvature at positive speed.
+        """Whether the quantity stays on its side of the bound along the whole piece, decided exactly.
 
-        above − bound · below has the sign of quantity − bound (`fraction`). Its Bernstein coefficients decide, or where
-        they do not, its roots.
+        above − bound · below has the sign of quantity − bound (`fraction`), for curvature if the speed is positive. Its
+        Bernstein coefficients decide; if they cannot, its roots do, paid for out of `effort`.
         """
         sign = -1 if is_upper else 1
 
@@ -132,7 +132,7 @@ class Piece:
 
     @cached_property
     def effort_of_decision(self) -> int:
-        """What deciding an inequality along it costs, in products of coefficients."""
+        """The cost of deciding an inequality along it by roots, in products of coefficients."""
         numbers = (*self.turn_rate, *self.speed, self.duration)
         return max(len(self.turn_rate), len(self.speed)) ** 2 * (8 + max(map(bits, numbers))) // 2
 
@@ -210,7 +210,7 @@ def _padded(coefficients: Coefficients, size: int) -> Coefficients:
 
 
 def between(pieces: Sequence[Piece], begin: fmpq, end: fmpq, effort: Budget | None = None) -> list[Piece]:
-    """What the pieces of a leg have between two θ (s, from its start), cut exactly there; paid for as decisions are."""
+    """The parts of a leg's pieces between two θ (s, from its start), cut exactly there; `effort` pays for the cuts."""
     found = []
     for piece in pieces:
         inner = sorted(at for at in {begin - piece.theta, end - piece.theta} if 0 < at < piece.duration)

@@ -1,6 +1,6 @@
 """A reference: pieces one after the other, the poses between them, and the jump from the end of a lap to its start.
 
-Poses are no data but integrals: the heading is a rational, the position a ball.
+Poses are not stated in a file but integrated here: the heading is a rational, the position a ball.
 
 Frames and units: θ in s, lengths in m, headings in rad; the body frame has x lateral and y forward, and at heading α
 its axes are (cos α, sin α) and (−sin α, cos α).

@@ -1,12 +1,12 @@
 """Whether a vehicle's first states are the pose of a body, seen from a reference that looks along its path.
 
-The checker does not know the vehicle; but whatever moves as a body in the plane does has rates of the form
+The checker does not know the vehicle. But every body that moves in the plane has rates of the form
 
     α̇ = Ω − ω u0,      ẋ = c L − s F + ω u0 y,      ẏ = s L + c F − v u0 − ω u0 x,      s = sin α, c = cos α,
 
 with a twist (Ω, L, F) that depends on no pose and not on the timing, beside a reference that turns at ω and moves at v
-along its own forward axis. Then (α, x, y) is where that body is from the reference: what is said of places along the
-path is said of it.
+along its own forward axis. Then (α, x, y) is the body's pose relative to the reference, and statements about places
+along the path are statements about the body.
 
 A vehicle's reference may look away from its path by an angle; it then moves at v along an axis of its own that stays.
 Where the angle changes with the path, as for a point ahead of a car, the reference turns at another rate than ω, and

@@ -1,4 +1,4 @@
-"""What a vehicle's graph has to show for a few extreme references to speak for every path within bounds.
+"""The form of a vehicle's graph for which a few extreme references suffice for every path within bounds.
 
 Along a path of curvature κ, speed v and acceleration a = dv/dθ the turning rate is κ v, and the rate of the deviation
 x at the inputs u = (u0, …) has to have the form
@@ -17,9 +17,9 @@ So it is enough that for each pair of ends of κ and a and each x there is one i
 
 A stretch of a path whose curvature does not jump has bounds of κ' = dκ/dθ too (`Bounds.curvature_rate`). Then it is
 enough that f is affine in each of κ, v, a and κ' by itself, ω' being κ' v + κ a: so is V̇ at fixed x and u, and one
-input u(x) that does at all vertices of the box does everywhere in it. This is what is left to a vehicle whose states
-beside the pose change with curvature, as a steering angle does: that form is no (*). It costs more, as one input has to
-do for all references, and the box is to be small: stretches are short.
+input u(x) that is good at all vertices of the box is good everywhere in it. A vehicle whose states beside the pose
+change with curvature, such as a steering angle, does not have the form (*) and needs this one. It costs more: one input
+has to be good for all references, so the box has to be small and stretches are short.
 
 If moreover dynamics of the form (*) have a mirror symmetry, f(Mx, Nu; −κ, v, a) = M f(x, u; κ, v, a) with diagonal
 matrices M and N of signs, and the interval of κ, V and the box of inputs are their own mirror images, the upper end of

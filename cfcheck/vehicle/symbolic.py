@@ -1,7 +1,7 @@
-"""Dynamics as polynomials in states, inputs, reference and the functions applied: what structure shows by itself.
+"""Dynamics as polynomials in states, inputs, reference and symbols for the functions applied to them.
 
-Evaluated so, a vehicle's graph can be compared with another statement of it (`cfcheck.vehicle.model`) and searched for
-properties that hold whatever the numbers are (`cfcheck.vehicle.structure`).
+In this form a vehicle's graph can be compared with another statement of it (`cfcheck.vehicle.model`), and properties
+can be read off that hold for all values (`cfcheck.vehicle.structure`).
 """
 
 from collections.abc import Callable

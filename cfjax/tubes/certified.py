@@ -14,9 +14,10 @@ from typing import NamedTuple
 from flint import fmpq, fmpq_mat
 
 from cfcheck.claims.document import read_claims
+from cfcheck.claims.proven import contraction_way
 from cfcheck.exact.definite import is_positive_definite
 from cfcheck.exact.rational import Matrix, Range, about
-from cfcheck.kernel.funnel import FunnelClaim, contraction_way, metres
+from cfcheck.kernel.funnel import FunnelClaim, metres
 from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.level import Contracting
 from cfcheck.path.bounds import Bounds
