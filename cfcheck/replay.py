@@ -12,8 +12,8 @@ only if every leaf of its tree shows that no candidate is there.
 from dataclasses import replace
 from pathlib import Path
 
+from cfcheck.claims.assumptions import Assumptions, assumptions_of
 from cfcheck.claims.document import Claims, Witness, read_certificate
-from cfcheck.claims.meaning import Assumptions, assumptions_of
 from cfcheck.claims.problem import ProblemClaim
 from cfcheck.claims.proof import dynamics_of, prove_funnels
 from cfcheck.claims.proven import Bounded, Proven, Refuted

@@ -8,7 +8,7 @@ from flint import fmpq
 
 from cfcheck.claims.proven import Proven, Shown
 from cfcheck.path.bounds import Bounds
-from cfcheck.robustness.amounts import Robustness
+from cfcheck.robustness.amounts import ProvenRobustness
 from cfcheck.statement import Section, sections
 
 
@@ -43,7 +43,7 @@ class Report:
     outcome: Outcome
     refusal: str = ""
     shown: Shown | None = field(default=None, repr=False)
-    robustness: Robustness | None = None
+    robustness: ProvenRobustness | None = None
     sections: tuple[Section, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -89,7 +89,7 @@ class Report:
         """Of the path along each leg, for all of which the law has to ask; None where the funnel changes with θ."""
         if self.proven is None or self.robustness is None:
             return ()
-        return tuple(self.robustness.told[part.funnel].bounds for part in self.proven.claims.parts)
+        return tuple(self.robustness.law_numbers[part.funnel].bounds for part in self.proven.claims.parts)
 
     @property
     def arrival(self) -> tuple[fmpq, fmpq] | None:

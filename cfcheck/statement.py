@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.containment import half_widths
+from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims
-from cfcheck.claims.funnel import LAW_SHARE, FunnelClaim
-from cfcheck.claims.meaning import Assumptions
-from cfcheck.claims.problem import Course, ProblemClaim
+from cfcheck.claims.problem import PlacedPath, ProblemClaim
 from cfcheck.claims.proven import Bounded, Proven, Refuted, Shown, Violation
-from cfcheck.claims.surroundings import Surroundings
+from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.rational import Range, about, decimal_text
+from cfcheck.kernel.containment import half_widths
+from cfcheck.kernel.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.path.bounds import Bounds, place_of
-from cfcheck.robustness.amounts import Robustness, Told
+from cfcheck.robustness.amounts import LawNumbers, ProvenRobustness
 from cfcheck.robustness.ranges import SampledClaim
 from cfcheck.vehicle.model import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim
 
@@ -66,7 +66,7 @@ class Section(NamedTuple):
         return f"{self.heading}: {'; '.join(self.clauses)}."
 
 
-def sections(shown: Shown, robustness: Robustness | None = None) -> tuple[Section, ...]:
+def sections(shown: Shown, robustness: ProvenRobustness | None = None) -> tuple[Section, ...]:
     """What is shown, what it speaks of, what it guarantees and, of something proven, what it absorbs."""
     if isinstance(shown, Refuted):
         return _refuted(shown)
@@ -199,7 +199,7 @@ def _bounded(bounded: Bounded) -> tuple[Section, ...]:
     )
 
 
-def _absorbed(shown: Proven, proven: Robustness) -> Section:
+def _absorbed(shown: Proven, proven: ProvenRobustness) -> Section:
     """What the funnels absorb under which law; every amount rounded down."""
     vehicle = shown.claims.problem.vehicle
     units = units_of(vehicle)
@@ -258,13 +258,13 @@ def _sampled(claim: SampledClaim | None, inputs: Sequence[str]) -> tuple[str, ..
     )
 
 
-def _law(shown: Proven, proven: Robustness) -> tuple[tuple[str, ...], str]:
+def _law(shown: Proven, proven: ProvenRobustness) -> tuple[tuple[str, ...], str]:
     """What a law has to reach, with what it is told of each funnel where that is not said yet; and what it bears."""
     claims = shown.claims
     if not claims.parts:
         return (LAW_EVERYWHERE,), ", whatever curvature and acceleration do meanwhile"
-    told = proven.told if len(proven.told) > 1 or shown.falls else ()
-    each = tuple(_told(index, one) for index, one in enumerate(told))
+    numbers = proven.law_numbers if len(proven.law_numbers) > 1 or shown.falls else ()
+    each = tuple(_law_numbers(index, one) for index, one in enumerate(numbers))
     if not shown.falls:
         return (LAW, *each), ""
     problem = claims.problem
@@ -272,13 +272,13 @@ def _law(shown: Proven, proven: Robustness) -> tuple[tuple[str, ...], str]:
     return (LAW_IN_TURN, *each), f", whatever the path does meanwhile, and the car stays in the funnels{end}"
 
 
-def _told(index: int, told: Told) -> str:
-    per_metre, bounds = told.margin_per_metre, told.bounds
-    said = f"funnel {index}: lambda = {_down(told.margin)} 1/s, shell from {_up(told.shell)}"
+def _law_numbers(index: int, own: LawNumbers) -> str:
+    per_metre, bounds = own.margin_per_metre, own.bounds
+    said = f"funnel {index}: lambda = {_down(own.margin)} 1/s, shell from {_up(own.shell)}"
     if per_metre is None or bounds is None:
         return said
     return (
-        f"{said}, inner {_up(told.inner)}, {_down(per_metre)} per metre, curvature in "
+        f"{said}, inner {_up(own.inner)}, {_down(per_metre)} per metre, curvature in "
         f"{_interval(bounds.curvature, OUTWARDS)} 1/m, acceleration in {_interval(bounds.acceleration, OUTWARDS)} m/s^2"
     )
 
@@ -313,7 +313,7 @@ def _vehicle(vehicle: VehicleClaim, assumptions: Assumptions | None) -> Section:
     return Section("vehicle", (named, f"{unknown}, {looks}, {states}"))
 
 
-def _path(name: str, course: Course) -> str:
+def _path(name: str, course: PlacedPath) -> str:
     named, pieces = f'"{name}"', course.reference.pieces
     if len(pieces) == 1 and pieces[0].is_constant:
         turning, moving = (about(coefficients[0]) for coefficients in (pieces[0].turn_rate, pieces[0].speed))
@@ -372,7 +372,7 @@ def _safe_box(values: Sequence[fmpq], rounding: str) -> str:
     return f"S with half-widths ({_numbers(values, rounding)})"
 
 
-def _obstacles(surroundings: Surroundings) -> tuple[str, ...]:
+def _obstacles(surroundings: SurroundingsClaim) -> tuple[str, ...]:
     """A clause, where there are any."""
     if surroundings.is_empty:
         return ()
@@ -380,12 +380,12 @@ def _obstacles(surroundings: Surroundings) -> tuple[str, ...]:
         f"radius {_down(disc.radius)} m at offset {about(disc.offset)} m" for disc in surroundings.footprint
     )
     obstacles, walls = len(surroundings.obstacles), surroundings.walls
-    told = [] if not obstacles else ["one obstacle" if obstacles == 1 else f"{obstacles} obstacles"]
+    named = [] if not obstacles else ["one obstacle" if obstacles == 1 else f"{obstacles} obstacles"]
     if walls:
         points = sum(len(wall.points) for wall in walls)
-        told.append(f"{'one wall' if len(walls) == 1 else f'{len(walls)} walls'} through {points} points")
+        named.append(f"{'one wall' if len(walls) == 1 else f'{len(walls)} walls'} through {points} points")
     verb = "stands" if obstacles + len(walls) == 1 else "stand"
-    return (f"clear of {' and '.join(told)} that {verb} in the file, by a footprint of {discs}",)
+    return (f"clear of {' and '.join(named)} that {verb} in the file, by a footprint of {discs}",)
 
 
 def _kept(problem: ProblemClaim) -> str:

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 from flint import acb, arb, fmpq
 
-from cfcheck.claims.surroundings import Clearance, Surroundings, WallClaim
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim
+from cfcheck.clearance.surroundings import ClearanceHints, SurroundingsClaim, WallClaim
 from cfcheck.exact.polynomial import Coefficients, evaluate, shifted
 from cfcheck.exact.rational import decimal_text, rational, upper_bound
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, ExactPose, Reference, heading_gap
@@ -43,12 +43,12 @@ def exact_bounds(tube: Tube) -> Bounds:
     return Bounds(*((rational(float(ends.lower)), rational(float(ends.upper))) for ends in intervals))
 
 
-def exact_surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> Surroundings:
+def exact_surroundings(obstacles: Sequence[Obstacle], footprint: Sequence[FootprintDisc]) -> SurroundingsClaim:
     """Obstacles in convex parts, walls, and the body that has to clear them; without any of them no body either."""
     if not obstacles:
-        return Surroundings()
+        return SurroundingsClaim()
     solid = (hull for each in obstacles if not isinstance(each, Wall) for hull in each.hulls)
-    return Surroundings(
+    return SurroundingsClaim(
         tuple(ObstacleClaim(_points(hull.corners), rational(hull.round)) for hull in solid),
         tuple(FootprintClaim(*exact_numbers(disc)) for disc in footprint),
         tuple(WallClaim(_points(each.points)) for each in obstacles if isinstance(each, Wall)),
@@ -233,7 +233,7 @@ def write_path(path: Path, pieces: Sequence[Piece], closed: bool) -> dict[str, A
     }
 
 
-def write_surroundings(surroundings: Surroundings) -> dict[str, Any]:
+def write_surroundings(surroundings: SurroundingsClaim) -> dict[str, Any]:
     """Obstacles and walls, and the discs of the body."""
     return {
         "obstacles": [
@@ -245,7 +245,7 @@ def write_surroundings(surroundings: Surroundings) -> dict[str, Any]:
     }
 
 
-def write_clearance(clearance: Clearance) -> list:
+def write_clearance(clearance: ClearanceHints) -> list:
     """Stretches of each leg, with normals."""
     return [
         [{"end": str(stretch.end), "normals": [list(normal) for normal in stretch.normals]} for stretch in leg]

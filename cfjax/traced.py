@@ -19,6 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache, partial
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -30,7 +31,7 @@ from jax import export
 from cfjax.identity import identity
 
 
-PACKAGE = Path(__file__).parent
+PACKAGES = "cfjax", "cfcheck"
 UNKNOWN_OPTION = "No such compile option"
 FOLDER = "traced"  # within JAX's compilation cache
 
@@ -119,8 +120,12 @@ def _write(file: Path, kept: export.Exported) -> None:
 
 @cache
 def source_hash() -> str:
-    """Of every source file of the package, and of the versions of JAX."""
+    """Of every source file of both packages, and of the versions of JAX."""
     digest = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
-    for file in sorted(PACKAGE.rglob("*.py")):
-        digest.update(f"{file.relative_to(PACKAGE)} ".encode() + file.read_bytes())
+    for package in PACKAGES:  # found, not imported: that takes longer
+        spec = find_spec(package)
+        assert spec is not None and spec.origin is not None
+        folder = Path(spec.origin).parent
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{package}/{file.relative_to(folder)} ".encode() + file.read_bytes())
     return digest.hexdigest()

@@ -22,7 +22,7 @@ from rich.table import Table
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 from cfcheck.claims.document import read_certificate
-from cfcheck.claims.surroundings import prove_surroundings
+from cfcheck.clearance.surroundings import prove_surroundings
 from cfjax.problem import Disc, Wall
 from cfjax.problem.point_path import waypoints
 from cfjax.tubes import chain_document, follow

@@ -8,17 +8,17 @@ from flint import acb, fmpq
 
 from cfcheck import Outcome, Report
 from cfcheck.claims.document import Claims, LegClaim
-from cfcheck.claims.funnel import LAW_SHARE, FunnelClaim
-from cfcheck.claims.problem import Course, ProblemClaim
+from cfcheck.claims.problem import PlacedPath, ProblemClaim
 from cfcheck.claims.proven import Proven
-from cfcheck.claims.surroundings import Surroundings
+from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import Range, rational
+from cfcheck.kernel.funnel import LAW_SHARE, FunnelClaim
 from cfcheck.kernel.level import Contracting
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose, Reference
-from cfcheck.robustness.amounts import Robustness
+from cfcheck.robustness.amounts import ProvenRobustness
 from cfcheck.vehicle.model import STATES, VehicleClaim
 from cfjax.exact import StatedProfile, StatedSegment
 from cfjax.tubes.certified import CertifiedTube
@@ -67,7 +67,7 @@ def stated(turn_rate: tuple, speed: tuple, start: tuple = (0, 0, 0), breaks: tup
     return StatedSegment(*profiles, (alpha, x, y))
 
 
-def problem_claim(course: Course | Bounds, **changes: object) -> ProblemClaim:
+def problem_claim(course: PlacedPath | Bounds, **changes: object) -> ProblemClaim:
     """About a car whose dynamics nobody looks at."""
     entries: dict = {
         "vehicle": VehicleClaim("kinematic_bicycle", {"wheelbase": fmpq(17, 50)}, STATES, Graph((), ())),
@@ -78,7 +78,7 @@ def problem_claim(course: Course | Bounds, **changes: object) -> ProblemClaim:
         "inlet": (fmpq(1, 4),) * 4,
         "goal": (fmpq(1, 2),) * 4,
         "safe": None,
-        "surroundings": Surroundings(),
+        "surroundings": SurroundingsClaim(),
     }
     return ProblemClaim(**(entries | changes))
 
@@ -100,7 +100,7 @@ def claims(funnels: Sequence[FunnelClaim], closed: bool = False, **changes: obje
     """A straight path with a leg of a second for each funnel; nothing of it is proven."""
     count = len(funnels)
     pieces = tuple(Piece(0, fmpq(k), ONE, (ZERO,), (ONE,), fmpq(k)) for k in range(count))
-    problem = problem_claim(Course(Reference(pieces, ExactPose(ZERO, acb(0))), closed), **changes)
+    problem = problem_claim(PlacedPath(Reference(pieces, ExactPose(ZERO, acb(0))), closed), **changes)
     legs = tuple(LegClaim(k, k + 1, k) for k in range(count))
     return Claims(problem, tuple(funnels), (problem.car,) * count, legs, (ONE,) * (count - 1 + closed))
 
@@ -111,7 +111,7 @@ def everywhere(own: FunnelClaim, **changes: object) -> Claims:
     return Claims(problem, (own,), (problem.car,), (), ())
 
 
-def proven(*margins: fmpq, robustness: Robustness | None = None) -> Report:
+def proven(*margins: fmpq, robustness: ProvenRobustness | None = None) -> Report:
     """What the checker would say of a straight path with so many legs, of a second each."""
     shown = Proven(claims([funnel(margin) for margin in margins]), None)
     return Report(Outcome.PROVEN, shown=shown, robustness=robustness)

@@ -14,7 +14,7 @@ from flint import arb, arb_series, fmpq
 import cfjax
 from cfcheck import Outcome, check_document
 from cfcheck.exact.rational import Range, exp_bounds, sqrt_upper
-from cfcheck.kernel.level import LEVELS, Level, LevelPiece
+from cfcheck.kernel.level import LEVELS, Affine, Level, LevelPiece
 from cfcheck.replay import stated_and_proven
 from cfjax.certificate import certify, proof_size, refute, robustness_of, statement_of
 from cfjax.conf import options_of, preset, problem_of
@@ -131,16 +131,17 @@ class ShiftedLevel(Level):
         return sqrt_upper(1 + self.shift), 1 / least  # σ q ≤ 1 + b − σ b
 
     def inside(self, span: Range) -> list[LevelPiece]:
-        timing = self.rate * self.shift, self.rate
-        return [LevelPiece(fmpq(0), self.extent(span)[1], timing, (self._contraction(span)[0], fmpq(0)))]
+        timing = Affine(self.rate * self.shift, self.rate)
+        weight = Affine(self._contraction(span)[0], fmpq(0))
+        return [LevelPiece(fmpq(0), self.extent(span)[1], timing, weight)]
 
     def _shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
         (least, peak), b = self._contraction(span), self.shift
         start, end = (beta_inner + b) * least - b, (1 + b) * peak - b
-        rising = b / (beta_lower + b), 1 / (beta_lower + b)  # 1/σ where V = β̲: no θ asks more
-        timing, kink = (self.rate * b, self.rate), (beta_lower + b) * peak - b
+        rising = Affine(b / (beta_lower + b), 1 / (beta_lower + b))  # 1/σ where V = β̲: no θ asks more
+        timing, kink = Affine(self.rate * b, self.rate), (beta_lower + b) * peak - b
         inner = LevelPiece(start, kink, timing, rising)
-        return [inner, LevelPiece(kink, end, timing, (peak, fmpq(0)))]
+        return [inner, LevelPiece(kink, end, timing, Affine(peak, fmpq(0)))]
 
 
 @pytest.fixture
@@ -232,12 +233,12 @@ def test_a_third_template_asks_no_less_of_the_checker(rate: fmpq) -> None:
     for q in np.linspace(low, high, 50)[1:-1]:
         piece = next(piece for piece in pieces if float(piece.lower) <= q <= float(piece.upper))
         asked = float(template.drop(float(rate), begin, end, float(beta), q))
-        (drop, drop_slope), (timing, timing_slope) = piece.drop, piece.timing
+        (drop, drop_slope), (timing, timing_slope) = piece.weight, piece.timing
         assert float(drop) + float(drop_slope) * q >= asked - 1e-9
         assert float(timing) + float(timing_slope) * q == pytest.approx(float(template.timing(float(rate), q)))
     (within,) = level.inside(span)
     scales = np.asarray(template.scale(float(rate), np.linspace(begin, end, 1001)))
-    assert float(within.least_drop) <= (1 / scales).min() + 1e-12
+    assert float(within.least_weight) <= (1 / scales).min() + 1e-12
     value = level.value_rate(span[0], fmpq(1, 2), arb(3), arb(2))
     moved = template.scale(float(rate), begin) * (3 + template.timing(float(rate), 0.5) * 2)
     assert float(value) == pytest.approx(float(moved))
@@ -287,7 +288,7 @@ def test_a_recipe_names_what_there_is_and_few_files(title: str, most: int) -> No
     assert steps
     files: set[str] = set()
     for step in steps:
-        named = re.findall(r"`((?:cfjax|conf|docs)/[\w/.-]+\.(?:py|md|yaml))`", step)
+        named = re.findall(r"`((?:cfcheck|cfjax|conf|docs)/[\w/.-]+\.(?:py|md|yaml))`", step)
         files |= set(named)
         for name in re.findall(r"\(`(\w+)`\)", step):
             assert any(re.search(rf"\b{name}\b", (RECIPES.parents[1] / file).read_text()) for file in named), name

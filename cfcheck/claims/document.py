@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.funnel import FunnelClaim, Model
 from cfcheck.claims.hints import MOST_GRAM_ENTRIES, DecreaseHints, Room, read_decrease
-from cfcheck.claims.legs import Leg
 from cfcheck.claims.problem import MOST_PIECES, ProblemClaim, problem_of, read_inputs, read_vehicle
-from cfcheck.claims.surroundings import Clearance, read_clearance
+from cfcheck.clearance.surroundings import ClearanceHints, read_clearance
+from cfcheck.exact.definite import symmetric
 from cfcheck.exact.rational import Matrix
+from cfcheck.kernel.funnel import FunnelClaim, Model
+from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.level import LEVELS
 from cfcheck.path.bounds import MOST_EXTREMES, Bounds
 from cfcheck.reader import Broken, Item, Unreadable
@@ -57,7 +58,7 @@ class Claims:
     """What a file states: the question, funnels with the cars that they are proven for, legs and joints.
 
     Where every path within bounds is meant there are no legs, and one funnel. `parts` are the legs as the file has
-    them; `ratios[k]` is that of the joint after leg k (`cfcheck.claims.legs`).
+    them; `ratios[k]` is that of the joint after leg k (`cfcheck.kernel.legs`).
     """
 
     problem: ProblemClaim
@@ -103,7 +104,7 @@ class Certificate:
 
     claims: Claims
     hints: tuple[DecreaseHints, ...]
-    clearance: Clearance
+    clearance: ClearanceHints
     witness: Witness | None
 
 
@@ -239,12 +240,7 @@ def _model(item: Item, problem: ProblemClaim) -> Model:
 def _symmetric(item: Item, size: int) -> Matrix:
     """From the lower triangle, row by row, in one list."""
     length = size * (size + 1) // 2
-    return unpack_triangle([entry.rational() for entry in item.items(length, length)], size)
-
-
-def unpack_triangle(entries: list[fmpq], size: int) -> Matrix:
-    """The symmetric matrix whose lower triangle, row by row, is the list."""
-    return [[entries[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(size)] for i in range(size)]
+    return symmetric([entry.rational() for entry in item.items(length, length)])
 
 
 def _witness(item: Item, claims: Claims) -> Witness:

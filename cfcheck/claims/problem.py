@@ -10,11 +10,12 @@ from typing import NamedTuple
 
 from flint import acb, arb, fmpq
 
-from cfcheck.claims.funnel import Inputs, Model
-from cfcheck.claims.surroundings import Surroundings, read_surroundings
+from cfcheck.clearance.surroundings import SurroundingsClaim, read_surroundings
 from cfcheck.exact.graph import ARITY, MOST_INPUTS, MOST_NODES, MOST_STATES, Graph, Node
 from cfcheck.exact.polynomial import Coefficients
 from cfcheck.exact.rational import bits
+from cfcheck.kernel.containment import Sets
+from cfcheck.kernel.funnel import Inputs, Model
 from cfcheck.kernel.law import READABLE, LawClaim
 from cfcheck.path.bounds import Bounds, read_bounds
 from cfcheck.path.piece import Piece, are_steady
@@ -30,7 +31,7 @@ LONGEST_SUM = 8 * LONGEST  # bits of θ and arc length
 MOST_POWERS = 8  # of a path's polynomials
 
 
-class Course(NamedTuple):
+class PlacedPath(NamedTuple):
     """A path that lies somewhere; closed: one lap, driven again and again."""
 
     reference: Reference
@@ -48,11 +49,11 @@ class ProblemClaim:
     method: str
     inputs: Inputs
     path: str
-    course: Course | Bounds
+    course: PlacedPath | Bounds
     inlet: tuple[fmpq, ...] | None  # half-axes of I; where there is none, every start in V < 1 is meant
     goal: tuple[fmpq, ...] | None  # half-axes of G
     safe: tuple[fmpq, ...] | None  # half-widths of the box S
-    surroundings: Surroundings
+    surroundings: SurroundingsClaim
     law: LawClaim | None = None  # without one some input of the box has to do
 
     @property
@@ -75,7 +76,11 @@ class ProblemClaim:
     @property
     def is_lap(self) -> bool:
         """Whether the path is driven again and again."""
-        return isinstance(self.course, Course) and self.course.closed
+        return isinstance(self.course, PlacedPath) and self.course.closed
+
+    def sets(self, *, is_first: bool, is_last: bool) -> Sets:
+        """The sets with which a funnel of its path is compared."""
+        return Sets(self.inlet if is_first else None, self.goal if is_last else None, self.safe)
 
     @property
     def fastest(self) -> fmpq:
@@ -203,14 +208,14 @@ def read_inputs(item: Item, states: tuple[str, ...]) -> Inputs:
     return box
 
 
-def _path(item: Item) -> tuple[str, Course | Bounds]:
+def _path(item: Item) -> tuple[str, PlacedPath | Bounds]:
     if isinstance(item.value, dict) and "bounds" in item.value:
         name, bounds = item.record("name", "bounds")
         return name.text(), read_bounds(bounds)
     name, closed, start, pieces = item.record("name", "closed", "start", "pieces")
     if not isinstance(closed.value, bool):
         closed.refuse("true or false")
-    return name.text(), Course(_reference(start, pieces), closed.value is True)
+    return name.text(), PlacedPath(_reference(start, pieces), closed.value is True)
 
 
 def _reference(start: Item, pieces: Item) -> Reference:

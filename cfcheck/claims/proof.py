@@ -7,25 +7,24 @@ has one stretch without an end: it holds along legs of any length, or along ever
 for the car that its `Model` is, in the units of that.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR
-from functools import cached_property
 
 from flint import fmpq
 
-from cfcheck.claims.containment import Sets, broken_containments
+from cfcheck.claims.assumptions import require_supported
 from cfcheck.claims.document import Certificate, Claims
-from cfcheck.claims.funnel import FunnelClaim, Model
 from cfcheck.claims.hints import CellKey, DecreaseHints, EnclosureHints, StretchHints
-from cfcheck.claims.legs import Leg, different, prove_joints
-from cfcheck.claims.meaning import require_meaning
 from cfcheck.claims.problem import ProblemClaim
-from cfcheck.claims.surroundings import prove_surroundings
+from cfcheck.clearance.surroundings import prove_surroundings
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Budget, UnaryEnclosure
 from cfcheck.exact.rational import Range, about, bits, decimal_text
 from cfcheck.exact.symbolic import Symbolic, symbolic
+from cfcheck.kernel.containment import broken_containments
 from cfcheck.kernel.decrease import SteadyDecrease
+from cfcheck.kernel.funnel import FunnelClaim, Model
+from cfcheck.kernel.legs import Leg, different, prove_joints
 from cfcheck.kernel.program import CellProof
 from cfcheck.path.bounds import Bounds, Extreme, place_of
 from cfcheck.path.piece import between, turning_jumps
@@ -41,7 +40,7 @@ Enclosures = dict[int, UnaryEnclosure]  # by node of the graph
 
 @dataclass(frozen=True)
 class Question:
-    """Condition (d) of a funnel: what it is asked for, in the units of the car that it is proven for.
+    """Condition (d) of a funnel, in the units of the car that it is proven for.
 
     `dynamics` are those of that car, in symbols; `mirror` are signs under which all of it is its own mirror image.
     """
@@ -62,28 +61,10 @@ class Question:
         if self.model.law is not None:
             raise Broken("law: it is proven where curvature and speed do not change; on this path they do")
         if bounds.curvature_rate is not None:
-            self.require_affine()
+            require_affine_reference(self.dynamics)
             return bounds.extremes()
-        self.require_structure()
+        require_tube_structure(self.dynamics)
         return bounds.extremes(self.is_mirrored(bounds))
-
-    @cached_property
-    def _established(self) -> set[Callable[[Symbolic], None]]:
-        return set()
-
-    def _require(self, what: Callable[[Symbolic], None]) -> None:
-        """Establish something of the dynamics, once."""
-        if what not in self._established:
-            what(self.dynamics)
-            self._established.add(what)
-
-    def require_affine(self) -> None:
-        """As `require_affine_reference`."""
-        self._require(require_affine_reference)
-
-    def require_structure(self) -> None:
-        """As `require_tube_structure`."""
-        self._require(require_tube_structure)
 
     def is_mirrored(self, bounds: Bounds) -> bool:
         """Whether references with the upper end of the curvature speak for those with the lower end."""
@@ -117,7 +98,7 @@ def prove_funnels(certificate: Certificate, dynamics: Symbolic) -> fmpq:
     """
     claims, hints = certificate.claims, certificate.hints
     problem, legs = claims.problem, claims.legs
-    require_meaning(problem, dynamics)
+    require_supported(problem, dynamics)
     finish = legs[-1].end_level(problem.fastest) if legs else fmpq(1)
     prove_sets(claims, finish)
     effort = Budget(MOST_EFFORT)
@@ -175,7 +156,7 @@ def prove_sets(claims: Claims, finish: fmpq) -> None:
         is_first, is_last = index == claims.first, index == claims.last
         legs = claims.legs_of(index)  # of equal duration, where the funnel changes with θ
         end = funnel.level.form_bounds(finish if is_last else fmpq(1), legs[0].duration if legs else fmpq(0))
-        sets = Sets.of(problem, is_first, is_last)
+        sets = problem.sets(is_first=is_first, is_last=is_last)
         if broken := broken_containments(problem.vehicle.states, funnel.shape, end, sets):
             raise Broken(of_funnel(index, claims) + "; ".join(broken))
 
@@ -200,7 +181,7 @@ def _require_same_length(legs: Sequence[Leg], hints: DecreaseHints) -> None:
 def _check_leg(leg: Leg, question: Question, hints: DecreaseHints, effort: Budget) -> None:
     """That the bounds of the proof hold along a leg, as the car that drives has them."""
     if turning_jumps(leg.pieces):  # from piece to piece, where no stretch sees it: the deviation must not
-        question.require_structure()
+        require_tube_structure(question.dynamics)
     begin = fmpq(0)
     for stretch in hints.stretches:
         end = leg.duration if stretch.end is None else stretch.end
@@ -236,20 +217,14 @@ def _prove_decrease(question: Question, hints: DecreaseHints, effort: Budget) ->
         begin = end
 
 
-def _prove_stretch(
-    asked: Question,
-    span: Range,
-    shared: DecreaseHints,
-    hints: StretchHints,
-    effort: Budget,
-) -> None:
-    model, funnel = asked.model, asked.funnel
-    extremes = asked.extremes(hints.bounds)
+def _prove_stretch(question: Question, span: Range, shared: DecreaseHints, hints: StretchHints, effort: Budget) -> None:
+    model, funnel = question.model, question.funnel
+    extremes = question.extremes(hints.bounds)
     where = "condition (d)" if span == (0, 0) else f"condition (d), theta from {about(span[0])} to {about(span[1])} s"
     try:
         pieces = funnel.level.shell(span, funnel.beta_lower, funnel.beta_inner)
         enclosures = prove_enclosures(hints.enclosures, model.functions, effort)
-        questions = [
+        decreases = [
             SteadyDecrease(
                 graph=model.vehicle.graph,
                 states=model.vehicle.states,
@@ -266,9 +241,9 @@ def _prove_stretch(
             for extreme in extremes
         ]
         cells = {
-            (index, cell.piece, cell.signs): (question, cell)
-            for index, question in enumerate(questions)
-            for cell in question.cells()
+            (index, cell.piece, cell.signs): (decrease, cell)
+            for index, decrease in enumerate(decreases)
+            for cell in decrease.cells()
         }
     except ValueError as error:
         raise Broken(f"{where}: {error}") from None
@@ -277,21 +252,21 @@ def _prove_stretch(
     per_metre = funnel.margin_per_metre
     for key, (margin, remainder, grams) in hints.cells.items():
         place = f"{where}, {_named(key, extremes)}"
-        question, cell = cells[key]
+        decrease, cell = cells[key]
         try:
-            proven = question.proven_margin(CellProof(replace(cell, remainder=remainder), margin, grams))
+            proven = decrease.proven_margin(CellProof(replace(cell, remainder=remainder), margin, grams))
         except ValueError as error:
             raise Broken(f"{place}: {error}") from None
         # affine in the speed between its ends, as V' is (`cfcheck.vehicle.structure`)
         claims = [(funnel.margin, fmpq(1), "1/s")]
         if per_metre is not None:
-            claims.append((per_metre, question.extreme.profile["speed"], "1/m"))
+            claims.append((per_metre, decrease.extreme.profile["speed"], "1/m"))
         for claimed, unit, name in claims:
             if proven < claimed * unit:
                 least, shown = decimal_text(claimed, ROUND_CEILING), decimal_text(proven / unit, ROUND_FLOOR)
                 raise Broken(f"{place}: margin {least} {name} claimed, {shown} {name} proven")
     # each reference has a budget to itself; all of a file's share another one
-    effort.spend(sum(LARGEST_EFFORT - question.domain.budget.left for question in questions))
+    effort.spend(sum(LARGEST_EFFORT - decrease.domain.budget.left for decrease in decreases))
 
 
 def prove_enclosures(hints: EnclosureHints, functions: Mapping[int, str], effort: Budget) -> Enclosures:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from flint import fmpq
 
+from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims, Witness
-from cfcheck.claims.funnel import contraction_way
-from cfcheck.claims.meaning import Assumptions
 from cfcheck.claims.problem import ProblemClaim
 from cfcheck.exact.rational import Range
+from cfcheck.kernel.funnel import contraction_way
 from cfcheck.path.bounds import Bounds, Extreme
 
 
@@ -30,7 +30,7 @@ class Proven:
 
     @property
     def falls(self) -> bool:
-        """Whether it is told how far V comes down along the path: under a law that enforces what is certified."""
+        """Whether V comes down along the path: under a law that enforces the margin per metre."""
         return any(funnel.margin_per_metre is not None for funnel in self.claims.funnels)
 
     @property
@@ -77,7 +77,7 @@ class Violation(enum.Enum):
 class Refuted:
     """A candidate that is no control funnel function with the margin that it claims, by a witness.
 
-    `extremes` are the references for which (d) is asked where the witness is.
+    `extremes` are the references at which (d) has to hold where the witness is.
     """
 
     claims: Claims

@@ -14,13 +14,13 @@ from itertools import product
 
 from flint import arb, fmpq
 
-from cfcheck.claims.containment import Sets, confirm_violation, heading_of
 from cfcheck.claims.document import Claims, Witness
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.claims.problem import ProblemClaim
 from cfcheck.claims.proven import Violation
 from cfcheck.exact.graph import Graph
-from cfcheck.exact.rational import pi_lower
+from cfcheck.exact.rational import pi_lower, pi_upper
+from cfcheck.kernel.containment import HEADING, Sets
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.law import LawClaim
 from cfcheck.path.bounds import Bounds, Extreme
 from cfcheck.reader import Broken
@@ -61,11 +61,11 @@ def confirm_witness(claims: Claims, witness: Witness) -> Violation:
     inside = form <= funnel.level.bounds(theta)[0]
 
     if witness.condition != "d":
-        sets = Sets.of(problem, leg == 0, leg == max(len(legs) - 1, 0))
-        return confirm_violation(witness.condition, states, sets, x, form, inside)
-    if heading_of(states, x) >= pi_lower():
+        sets = problem.sets(is_first=leg == 0, is_last=leg == max(len(legs) - 1, 0))
+        return _confirm_containment(witness.condition, states, sets, x, form, inside)
+    if _heading(states, x) >= pi_lower():
         raise Broken("witness: its heading lies beyond where it wraps")
-    # β̲ ≤ V, where λ is asked for in full
+    # β̲ ≤ V, where the weight of λ is 1
     if not (inside and form >= funnel.level.form_bounds(funnel.beta_lower, theta)[1]):
         raise Broken("witness: not a deviation in the shell beta_lower <= V <= 1")
     require_affine(problem.vehicle.graph, tuple(problem.inputs))
@@ -78,6 +78,37 @@ def confirm_witness(claims: Claims, witness: Witness) -> Violation:
         if not rate > -arb(funnel.margin):
             raise Broken("witness: some vertex of the input box may decrease V fast enough")
     return Violation.DECREASE if problem.law is None else Violation.LAW
+
+
+def _confirm_containment(
+    condition: str, states: Sequence[str], sets: Sets, x: Sequence[fmpq], form: fmpq, inside: bool
+) -> Violation:
+    """What x violates of (a), (b), (c); `form` is xᵀ C x, and `inside` says that V ≤ 1 at x.
+
+    Raises:
+        Broken: the problem has no such condition there, or x satisfies it.
+    """
+    axes = {"a": sets.inlet, "b": sets.goal}.get(condition, ())
+    if axes is None:
+        raise Broken(f"witness: condition ({condition}) is not asked here")
+    distance = sum(((xi / axis) ** 2 for xi, axis in zip(x, axes, strict=True)), fmpq(0)) if axes else fmpq(0)
+    if condition == "a":
+        if not distance <= 1 <= form:
+            raise Broken("witness: not a deviation of the inlet I at which V is 1 or more")
+        return Violation.INLET
+    if condition == "b":
+        if not (inside and distance >= 1):
+            raise Broken("witness: not a deviation outside the goal G at which V(T, x) is 1 or less")
+        return Violation.GOAL
+    outside = sets.safe is not None and any(abs(xi) > si for xi, si in zip(x, sets.safe, strict=True))
+    if not (inside and (outside or _heading(states, x) >= pi_upper())):
+        raise Broken("witness: not a deviation outside the safe set S, or beyond pi, at which V is 1 or less")
+    return Violation.SAFE if outside else Violation.HEADING
+
+
+def _heading(states: Sequence[str], x: Sequence[fmpq]) -> fmpq:
+    """|α|, rad; 0 where no state is a heading."""
+    return abs(x[states.index(HEADING)]) if HEADING in states else fmpq(0)
 
 
 def _law_inputs(

@@ -14,14 +14,13 @@ from flint import fmpq, fmpq_poly
 Coefficients = tuple[fmpq, ...]  # ascending powers
 
 
-def bernstein(coefficients: Sequence[fmpq], length: fmpq, degree: int = 0) -> list[fmpq]:
-    """Bernstein coefficients on [0, length], of at least the degree given: least and largest enclose the polynomial."""
-    size = max(len(coefficients), degree + 1)
+def bernstein(coefficients: Sequence[fmpq], length: fmpq) -> list[fmpq]:
+    """Bernstein coefficients on [0, length]: least and largest enclose the polynomial."""
+    size = len(coefficients)
     result, power = [], fmpq(1)
     for k, coefficient in enumerate(coefficients):
         result.append(coefficient * power / comb(size - 1, k))
         power *= length
-    result += [fmpq(0)] * (size - len(coefficients))
     for k in range(1, size):
         for i in range(size - 1, k - 1, -1):
             result[i] += result[i - 1]
@@ -70,16 +69,6 @@ def _has_simple_root(control: list[fmpq]) -> bool:
                 return True
             open_ += [left, right[::-1]]
     return False
-
-
-def product(first: Sequence[fmpq], second: Sequence[fmpq]) -> Coefficients:
-    """Of two polynomials."""
-    return tuple((fmpq_poly(list(first)) * fmpq_poly(list(second))).coeffs()) or (fmpq(0),)
-
-
-def difference(first: Sequence[fmpq], second: Sequence[fmpq]) -> Coefficients:
-    """The first less the second."""
-    return tuple((fmpq_poly(list(first)) - fmpq_poly(list(second))).coeffs()) or (fmpq(0),)
 
 
 def evaluate(coefficients: Sequence[fmpq], at: fmpq) -> fmpq:

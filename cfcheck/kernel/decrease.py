@@ -3,17 +3,17 @@
 On a steady segment, with x = W y for a rational whitening W ≈ C^{−1/2} and q = xᵀ C x, the claim "some input gives
 V̇ ≤ −λ on the shell" reads (`cfcheck.kernel.level`)
 
-    for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ drop(q).
+    for every y with q ∈ [q_lo, q_hi] there is an input u with   F_u(y) := −(q̇ + timing(q) u0) ≥ λ weight(q).
 
 Within bounds it has to hold at several references (`cfcheck.path.bounds`), for some of them with the same input at the
 same y: these share the s_i below, which are then those of their nominal reference.
 
-The shell is cut at the q where `drop` has its kink, and each piece into the cells of one sign pattern of the
+The shell is cut at the q where `weight` has its kink, and each piece into the cells of one sign pattern of the
 polynomials s_i ≈ ∂(V̇)/∂(input i): whatever the s_i are, their sign cells cover the shell, and on each the proof speaks
 of one vertex u of the input box. (So they are cut at the degree for which there is room beside their Gram matrices.) On
 a cell
 
-    p_u − ε − λ drop = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
+    p_u − ε − λ weight = z₀ᵀ Q₀ z₀ + Σ_i (± s_i) zᵀ Q_i z + (q − q_lo) zᵀ Q_lo z + (q_hi − q) zᵀ Q_hi z + r
 
 where |F_u − p_u| ≤ ε(y) is the enclosure of sin and cos. (A file states a bound e + e' |y|² of ε, which is taken in its
 place: how anybody comes by ε is no matter then, as long as it is no more.) What the Gram matrices then prove,
@@ -23,10 +23,10 @@ Where a **law** is part of the question (`cfcheck.kernel.law`), its inputs are n
 whether it is at its lower limit, inside or at its upper one, and u stands there for what the law is on that cell, a
 polynomial with remainder. What is left to choose is u0. The same arithmetic carries the remainder of u into ε.
 
-Where the rates divide by something, F_u is a quotient with a denominator D > 0 (`cfcheck.exact.quotient`), and D F_u
-takes its place: p_u − ε stands for that, and p_D drop for drop, p_D being the polynomial of D, |D − p_D| ≤ δ. What is
-shown is D F_u ≥ λ p_D drop + r, so F_u ≥ λ (p_D/D) drop − |r|/D, where D is at least a number that is known and p_D/D
-is 1 but for δ/D.
+Where the rates divide by something, F_u is a quotient with a denominator D > 0 (`cfcheck.exact.quotient`). Then p_u − ε
+encloses D F_u, and p_D weight takes the place of the weight, p_D being the polynomial of D with |D − p_D| ≤ δ. The
+identity shows D F_u ≥ λ p_D weight + r, so F_u ≥ λ (p_D/D) weight − |r|/D. A lower bound of D is known, and p_D/D
+differs from 1 by at most δ/D.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -125,7 +125,7 @@ class SteadyDecrease(FunnelProgram):
 
     def _timing(self, piece: LevelPiece, share: fmpq) -> Quotient:
         """A share of what V changes by with θ, on a piece."""
-        return Quotient(self.domain.exact(piece.timing_at(self.form) * share))
+        return Quotient(self.domain.exact(piece.timing.at(self.form) * share))
 
     def form_rate(self, vertex: Vertex, profile: Mapping[str, fmpq]) -> Quotient:
         """q̇ = ∇q · f(x, u) at constant inputs, and at those of a law on its cell."""
@@ -195,12 +195,12 @@ class SteadyDecrease(FunnelProgram):
         """Of the monomials in its Gram matrices; inside a law's limits both of its boundaries have one."""
         return by_boundary(self.degrees, cell.signs)
 
-    def drop(self, cell: Cell) -> fmpq_mpoly:
-        drop, rate = self.pieces[cell.piece].drop_at(self.form), self.form_rates[cell.vertex]
-        return self.domain.product(rate.denominator.polynomial, drop) if rate.powers else drop
+    def weight(self, cell: Cell) -> fmpq_mpoly:
+        weight, rate = self.pieces[cell.piece].weight.at(self.form), self.form_rates[cell.vertex]
+        return self.domain.product(rate.denominator.polynomial, weight) if rate.powers else weight
 
-    def least_drop(self, cell: Cell) -> fmpq:
-        return self.pieces[cell.piece].least_drop * self.form_rates[cell.vertex].least_denominator
+    def least_weight(self, cell: Cell) -> fmpq:
+        return self.pieces[cell.piece].least_weight * self.form_rates[cell.vertex].least_denominator
 
     def proven_margin(self, proof: CellProof) -> fmpq:
         """As of every program, less what the denominator's own remainder costs."""
@@ -211,8 +211,7 @@ class SteadyDecrease(FunnelProgram):
         """p_u − ε(y): a polynomial that is nowhere on the ball above D F_u."""
         demand = self._demand(cell)
         constant, square = self.remainder(cell) if cell.remainder is None else self._stated(cell, cell.remainder)
-        norm_squared = sum((y * y for y in self.ring.gens()), self.ring.constant(0))
-        return self.domain.negative(self.domain.sum(demand.polynomial, norm_squared * square + constant))
+        return self.domain.negative(self.domain.sum(demand.polynomial, self.norm_squared * square + constant))
 
     def _demand(self, cell: Cell) -> Enclosure:
         """q̇ + timing u0 at the cell's vertex, enclosed: times the denominator, where there is one."""
@@ -221,7 +220,7 @@ class SteadyDecrease(FunnelProgram):
 
     def remainder(self, cell: Cell) -> Remainder:
         """e and e' with ε ≤ e + e' |y|² on the ball, as this arithmetic finds them, a little rounded up."""
-        # closest at the inner edge, where remainders weigh most against the drop: |y|² is nearly q/peak
+        # closest at the inner edge, where remainders weigh most against the weight: |y|² is nearly q/peak
         constant, square = self._demand(cell).remainder_bound(sqrt_upper(self.pieces[cell.piece].lower / self.peak))
         return dyadic(constant, up=True), dyadic(square, up=True)
 
@@ -274,7 +273,7 @@ class SteadyDecrease(FunnelProgram):
             slope = self.authority(piece, name)
             slope = slope if most is None else cut(slope, most)
             found.append(slope if sign > 0 else self.domain.negative(slope))
-        return [*found, self.form - piece.lower, piece.upper - self.form]
+        return [*found, *self.edges(piece.lower, piece.upper)]
 
 
 def by_boundary(values: Sequence[int], signs: Sequence[int]) -> tuple[int, ...]:

@@ -7,41 +7,50 @@ With the quadratic form q = xᵀ C x of the deviation and a rate (1/s) the funne
     contracting  V = e^{kθ} q         ρ(θ) = e^{−kθ}
 
 V̇ = σ (q̇ + timing(q) u0) with σ = 1 and timing = c0, or σ = 1/ρ and timing = k q. That V falls at λ on the shell, and
-at λ V/β̲ below it, is −(q̇ + timing u0) ≥ λ drop with drop = min(1, V/β̲)/σ. Where ρ is not rational, rationals below
+at λ V/β̲ below it, is −(q̇ + timing u0) ≥ λ weight with weight = min(1, V/β̲)/σ. Where ρ is not rational, rationals below
 and above it stand for it.
 """
 
 import abc
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from flint import arb, arb_series, fmpq, fmpq_mpoly
 
 from cfcheck.exact.rational import Range, exp_bounds, sqrt_upper
 
 
-Affine = tuple[fmpq, fmpq]  # constant and slope, of a function of q
+class Affine(NamedTuple):
+    """The function constant + slope · q."""
+
+    constant: fmpq
+    slope: fmpq
+
+    def at(self, q: fmpq_mpoly) -> fmpq_mpoly:
+        """Its value at a polynomial."""
+        return self.constant + self.slope * q
+
+    def least(self, lower: fmpq, upper: fmpq) -> fmpq:
+        """Its least value on an interval of q."""
+        return self.constant + self.slope * (lower if self.slope > 0 else upper)
+
+
+ZERO, ONE = fmpq(0), fmpq(1)
 
 
 @dataclass(frozen=True)
 class LevelPiece:
-    """A range of q = xᵀ C x and, on it, timing(q) and drop(q)."""
+    """A range of q = xᵀ C x and, on it, timing(q) and weight(q)."""
 
     lower: fmpq
     upper: fmpq
     timing: Affine
-    drop: Affine
-
-    def timing_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
-        return self.timing[0] + self.timing[1] * q
-
-    def drop_at(self, q: fmpq_mpoly) -> fmpq_mpoly:
-        return self.drop[0] + self.drop[1] * q
+    weight: Affine
 
     @property
-    def least_drop(self) -> fmpq:
-        constant, slope = self.drop
-        return min(constant + slope * self.lower, constant + slope * self.upper)
+    def least_weight(self) -> fmpq:
+        """The least value of the weight on the range."""
+        return self.weight.least(self.lower, self.upper)
 
 
 @dataclass(frozen=True)
@@ -82,12 +91,12 @@ class Level(abc.ABC):
 
     @abc.abstractmethod
     def inside(self, span: Range) -> list[LevelPiece]:
-        """Ranges of q that cover V ≤ 1 on a stretch of θ; `drop` is at most 1/σ there, so that V̇ is not underrated."""
+        """Ranges of q that cover V ≤ 1 on a stretch of θ; `weight` is at most 1/σ, so that V̇ is not underrated."""
 
     def shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
         """The shell β_in ≤ V ≤ 1 on a stretch of θ, θ itself eliminated: ranges of q that cover it; β_in ≤ β̲.
 
-        `drop` is at least what is asked at any θ of the stretch.
+        `weight` is at least min(1, V/β̲)/σ at every θ of the stretch.
 
         Raises:
             ValueError: where the shell would hold the reference itself (q = 0).
@@ -121,13 +130,12 @@ class Paper(Level):
         return sqrt_upper(peak), fmpq(1)
 
     def inside(self, span: Range) -> list[LevelPiece]:
-        zero = fmpq(0)
-        return [LevelPiece(zero, self.extent(span)[1], (self.rate, zero), (fmpq(1), zero))]
+        return [LevelPiece(ZERO, self.extent(span)[1], Affine(self.rate, ZERO), Affine(ONE, ZERO))]
 
     def _shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
-        zero, (least, peak) = fmpq(0), self.extent(span)
-        change, timing = 1 - least, (self.rate, zero)
-        rising, flat = (change / beta_lower, 1 / beta_lower), (fmpq(1), zero)
+        least, peak = self.extent(span)
+        change, timing = 1 - least, Affine(self.rate, ZERO)
+        rising, flat = Affine(change / beta_lower, 1 / beta_lower), Affine(ONE, ZERO)
         return _in_two(beta_inner - change, beta_lower - change, peak, timing, rising, flat)
 
 
@@ -151,19 +159,19 @@ class Contracting(Level):
         return fmpq(1), 1 / least
 
     def inside(self, span: Range) -> list[LevelPiece]:
-        zero, (least, peak) = fmpq(0), self.extent(span)
-        timing = zero, self.rate
-        inner = LevelPiece(zero, least, timing, (least, zero))
-        return [inner, LevelPiece(least, peak, timing, (zero, fmpq(1)))] if least < peak else [inner]
+        least, peak = self.extent(span)
+        timing = Affine(ZERO, self.rate)
+        inner = LevelPiece(ZERO, least, timing, Affine(least, ZERO))
+        return [inner, LevelPiece(least, peak, timing, Affine(ZERO, ONE))] if least < peak else [inner]
 
     def _shell(self, span: Range, beta_lower: fmpq, beta_inner: fmpq) -> list[LevelPiece]:
-        zero, (least, peak) = fmpq(0), self.extent(span)
-        rising, flat = (zero, 1 / beta_lower), (peak, zero)
-        return _in_two(beta_inner * least, beta_lower * peak, peak, (zero, self.rate), rising, flat)
+        least, peak = self.extent(span)
+        rising, flat = Affine(ZERO, 1 / beta_lower), Affine(peak, ZERO)
+        return _in_two(beta_inner * least, beta_lower * peak, peak, Affine(ZERO, self.rate), rising, flat)
 
 
 def _in_two(start: fmpq, kink: fmpq, peak: fmpq, timing: Affine, rising: Affine, flat: Affine) -> list[LevelPiece]:
-    """The shell's ranges of q: `rising` drop up to the kink, if it begins below that, a `flat` one from there on."""
+    """The shell's ranges of q: `rising` weight up to the kink, if it begins below that, a `flat` one from there on."""
     outer = LevelPiece(kink, peak, timing, flat)
     return [LevelPiece(start, kink, timing, rising), outer] if start < kink else [outer]
 

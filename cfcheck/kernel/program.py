@@ -3,10 +3,10 @@
 With x = W y for a rational whitening W ≈ (C/peak)^{−1/2} the funnel {q = xᵀ C x ≤ peak} is nearly the unit ball in y. A
 program says, cell by cell, which λ is largest with
 
-    target − λ drop = z₀ᵀ Q₀ z₀ + Σ_k g_k zᵀ Q_k z + r,        every Q positive definite,
+    target − λ weight = z₀ᵀ Q₀ z₀ + Σ_k g_k zᵀ Q_k z + r,        every Q positive definite,
 
 for polynomials g_k that are not negative on the cell. r, what rounding left over, is a polynomial too; on a ball that
-holds the funnel |r| ≤ bound, so target ≥ λ drop − bound ≥ (λ − bound / least drop) drop on the cell.
+holds the funnel |r| ≤ bound, so target ≥ λ weight − bound ≥ (λ − bound / least weight) weight on the cell.
 """
 
 import abc
@@ -17,10 +17,11 @@ from itertools import count, product
 from math import isqrt
 from typing import Any
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx
 
+from cfcheck.exact.definite import exact_matrix, is_positive_definite, is_positive_definite_whole, symmetric
 from cfcheck.exact.enclosure import Domain
-from cfcheck.exact.rational import Matrix, is_positive_definite, is_positive_definite_whole
+from cfcheck.exact.rational import Matrix
 
 
 Exponents = tuple[int, ...]
@@ -42,7 +43,7 @@ class Gram:
     @property
     def whole(self) -> list[list[int]]:
         """2^exponent times the matrix, by rows."""
-        return [[self.lower[place] for place in row] for row in _places(self.size)]
+        return symmetric(self.lower)
 
     @property
     def longest(self) -> int:
@@ -54,12 +55,6 @@ class Gram:
 def is_definite(gram: Gram) -> bool:
     """Whether the matrix is positive definite."""
     return is_positive_definite_whole(gram.whole)
-
-
-@cache
-def _places(size: int) -> list[list[int]]:
-    """Where the entries of a symmetric matrix, row by row, stand in its lower triangle."""
-    return [[max(i, j) * (max(i, j) + 1) // 2 + min(i, j) for j in range(size)] for i in range(size)]
 
 
 @dataclass(frozen=True)
@@ -90,15 +85,15 @@ class FunnelProgram(abc.ABC):
 
     @abc.abstractmethod
     def target(self, cell: Any) -> fmpq_mpoly:
-        """What is to be at least λ drop on the cell."""
+        """What is to be at least λ weight on the cell."""
 
     @abc.abstractmethod
-    def drop(self, cell: Any) -> fmpq_mpoly:
+    def weight(self, cell: Any) -> fmpq_mpoly:
         """What λ is counted in."""
 
     @abc.abstractmethod
-    def least_drop(self, cell: Any) -> fmpq:
-        """A positive number that drop nowhere falls below on the cell."""
+    def least_weight(self, cell: Any) -> fmpq:
+        """A positive number that weight nowhere falls below on the cell."""
 
     @abc.abstractmethod
     def constraints(self, cell: Any) -> list[fmpq_mpoly]:
@@ -138,20 +133,23 @@ class FunnelProgram(abc.ABC):
         return sum((half * x * g for x, g in pairs), self.ring.constant(0))
 
     @cached_property
+    def norm_squared(self) -> fmpq_mpoly:
+        """|y|²."""
+        return sum((y * y for y in self.ring.gens()), self.ring.constant(0))
+
+    def edges(self, lower: fmpq, upper: fmpq) -> list[fmpq_mpoly]:
+        """q − lower and upper − q, for constraints; the first says nothing where the lower end is 0."""
+        above = [self.form - lower] if lower > 0 else []
+        return [*above, upper - self.form]
+
+    @cached_property
     def domain(self) -> Domain:
         """The ball |y|² ≤ 1 + slack, which holds {q ≤ peak}: proven, for W is only nearly (C/peak)^{−1/2}."""
-        radius_squared = 1 + RADIUS_SLACK
-        size = len(self.states)
-        w, c = self.whitening, self.shape
-        scaled = [
-            [
-                sum((w[k][i] * c[k][m] * w[m][j] for k in range(size) for m in range(size)), fmpq(0)) * radius_squared
-                - (self.peak if i == j else 0)
-                for j in range(size)
-            ]
-            for i in range(size)
-        ]
-        if not is_positive_definite(scaled):
+        radius_squared, size = 1 + RADIUS_SLACK, len(self.states)
+        whitening = exact_matrix(self.whitening)
+        form = whitening.transpose() * exact_matrix(self.shape) * whitening  # q = yᵀ form y
+        least = fmpq_mat(size, size, [self.peak if i == j else 0 for i in range(size) for j in range(size)])
+        if not is_positive_definite(form * radius_squared - least):
             raise ValueError("the whitening is not close enough to (C/peak)^{-1/2}, or C is not positive definite")
         return Domain(self.ring, radius_squared)
 
@@ -176,9 +174,9 @@ class FunnelProgram(abc.ABC):
                 raise ValueError(f"Gram matrix {index} is not positive definite")
             square = quadratic_form(self.ring, gram, basis)
             squares += square if index == 0 else self.domain.product(factor, square)
-        claimed = self.domain.sum(self.target(cell), -proof.margin * self.drop(cell))
+        claimed = self.domain.sum(self.target(cell), -proof.margin * self.weight(cell))
         left = self.domain.sum(claimed, self.domain.negative(squares))
-        return proof.margin - self.domain.bound(left) / self.least_drop(cell)
+        return proof.margin - self.domain.bound(left) / self.least_weight(cell)
 
 
 @cache

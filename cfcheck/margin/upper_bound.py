@@ -46,9 +46,9 @@ from flint import arb, fmpq
 
 from cfcheck.claims.problem import ProblemClaim
 from cfcheck.claims.refutation import require_affine
-from cfcheck.exact.dual import Dual, constant, unknowns
 from cfcheck.exact.rational import sqrt_lower, sqrt_upper
 from cfcheck.exact.symbolic import Symbolic
+from cfcheck.margin.dual import Dual, constant, unknowns
 from cfcheck.reader import Broken
 from cfcheck.vehicle.model import POSE
 

@@ -10,7 +10,7 @@ from cfcheck.exact.rational import upper_bound
 
 
 SERIES_ORDER = 9  # of Taylor's remainder; python-flint's series have ten terms unless its global cap is raised
-REMAINDER = fmpq(1, 10**10)  # m: a stretch is halved until its Taylor remainder is below; gaps are told to 1e-6 m
+REMAINDER = fmpq(1, 10**10)  # m: a stretch is halved until its Taylor remainder is below; gaps are decided to 1e-6 m
 MOST_STRETCHES = 2**12  # of one piece: some hundred laps of a spiral take them
 TOO_WILD = "the path turns too fast, or is too long, for its pose to be enclosed"
 

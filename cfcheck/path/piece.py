@@ -9,7 +9,6 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 from flint import acb, acb_series, arb, arb_poly, fmpq, fmpq_poly
 
@@ -18,30 +17,14 @@ from cfcheck.exact.polynomial import (
     Coefficients,
     bernstein,
     derivative,
-    difference,
     evaluate,
     integral,
     is_nonnegative,
-    product,
     shifted,
 )
 from cfcheck.exact.rational import Range, bits
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.displacement import along_arc, along_curve, series
-
-
-class Spread(NamedTuple):
-    """What a quantity's control values tell of it: it lies in [lower, upper], and both `ends` are among its values."""
-
-    lower: fmpq
-    upper: fmpq
-    ends_lower: fmpq
-    ends_upper: fmpq
-
-    @classmethod
-    def of(cls, control: Sequence[fmpq]) -> "Spread":
-        first, last = control[0], control[-1]
-        return cls(min(control), max(control), min(first, last), max(first, last))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,29 +88,43 @@ class Piece:
         control = bernstein(self.speed, self.duration)
         return self.length if min(control) >= 0 else max(map(abs, control)) * self.duration
 
-    @cached_property
-    def _controls(self) -> tuple[list[fmpq], list[fmpq]]:
-        degree = max(len(self.turn_rate), len(self.speed)) - 1
-        return bernstein(self.turn_rate, self.duration, degree), bernstein(self.speed, self.duration, degree)
+    # --- bounds that it keeps
 
-    @cached_property
-    def _speeds(self) -> Spread:
-        return Spread.of(self._controls[1])
+    def inside(self, bounds: Bounds, effort: Budget | None = None) -> bool:
+        """Whether speed, curvature, acceleration and, if bounded, the curvature's rate stay inside: decided exactly.
 
-    @cached_property
-    def _accelerations(self) -> Spread:
-        return Spread.of(bernstein(derivative(self.speed), self.duration))
-
-    @cached_property
-    def _curvatures(self) -> Spread | None:
-        """None where the speed's Bernstein coefficients are not all positive.
-
-        κ = Σ ω_i B_i / Σ v_i B_i is a mean of the ω_i/v_i with weights v_i B_i ≥ 0.
+        Decisions that are not cheap are paid for out of the budget, if one is given.
         """
-        turns, speeds = self._controls
-        if min(speeds) <= 0:
-            return None
-        return Spread.of([turn / speed for turn, speed in zip(turns, speeds, strict=True)])
+        # speed first: the inequalities of curvature and of its rate need a positive one
+        ordered = ("speed", "curvature", "acceleration", "curvature_rate")
+        found = ((name, bounds.intervals[name]) for name in ordered if name in bounds.intervals)
+        return all(
+            self.keeps(name, False, lower, effort) and self.keeps(name, True, upper, effort)
+            for name, (lower, upper) in found
+        )
+
+    def keeps(self, quantity: str, is_upper: bool, bound: fmpq, effort: Budget | None = None) -> bool:
+        """Whether the quantity stays on its side of the bound all along: exactly; of curvature at positive speed.
+
+        above − bound · below has the sign of quantity − bound (`fraction`). Its Bernstein coefficients decide, or where
+        they do not, its roots.
+        """
+        sign = -1 if is_upper else 1
+
+        def slack(above: Sequence[fmpq], below: Sequence[fmpq]) -> list[fmpq]:
+            return [sign * (a - bound * b) for a, b in zip(above, below, strict=True)]
+
+        control = slack(*self._controls(quantity))
+        if min(control) >= 0:
+            return True
+        if control[0] < 0 or control[-1] < 0:  # at one of the ends
+            return False
+        key = quantity, is_upper, bound
+        if key not in self._decided:
+            if effort is not None:
+                effort.spend(self.effort_of_decision)
+            self._decided[key] = is_nonnegative(slack(*self.fraction(quantity)), self.duration)
+        return self._decided[key]
 
     @cached_property
     def _decided(self) -> dict[tuple[str, bool, fmpq], bool]:
@@ -139,53 +136,32 @@ class Piece:
         numbers = (*self.turn_rate, *self.speed, self.duration)
         return max(len(self.turn_rate), len(self.speed)) ** 2 * (8 + max(map(bits, numbers))) // 2
 
-    def keeps(self, quantity: str, is_upper: bool, bound: fmpq, effort: Budget | None = None) -> bool:
-        """Whether the quantity stays on its side of the bound all along: exactly; of curvature at positive speed."""
-        key = (quantity, is_upper, bound)
-        if key not in self._decided:
-            if effort is not None:
-                effort.spend(self.effort_of_decision)
-            above, below = self.fraction(quantity)  # above − bound · below has the sign of quantity − bound
-            size = max(len(above), len(below))
-            above, below = (c + (fmpq(0),) * (size - len(c)) for c in (above, below))
-            sign = -1 if is_upper else 1
-            slack = [sign * (a - bound * b) for a, b in zip(above, below, strict=True)]
-            self._decided[key] = is_nonnegative(slack, self.duration)
-        return self._decided[key]
-
     def fraction(self, quantity: str) -> tuple[Coefficients, Coefficients]:
-        """The quantity as a quotient of polynomials."""
+        """The quantity as a quotient of two polynomials with equally many coefficients."""
+        above, below = self.speed, (fmpq(1),)
         if quantity == "curvature":
-            return self.turn_rate, self.speed
-        if quantity == "curvature_rate":  # of ω/v along θ
-            turning, moving = derivative(self.turn_rate), derivative(self.speed)
-            above = difference(product(turning, self.speed), product(self.turn_rate, moving))
-            return above, product(self.speed, self.speed)
-        return (self.speed if quantity == "speed" else derivative(self.speed)), (fmpq(1),)
+            above, below = self.turn_rate, self.speed
+        elif quantity == "acceleration":
+            above = derivative(self.speed)
+        elif quantity == "curvature_rate":  # of ω/v along θ
+            turn_rate, speed = (fmpq_poly(list(c)) for c in (self.turn_rate, self.speed))
+            above = tuple((turn_rate.derivative() * speed - turn_rate * speed.derivative()).coeffs())
+            below = tuple((speed * speed).coeffs())
+        size = max(len(above), len(below))
+        return _padded(above, size), _padded(below, size)
 
-    def inside(self, bounds: Bounds, effort: Budget | None = None) -> bool:
-        """Whether speed, curvature, acceleration and, if bounded, its curvature's rate stay inside: decided exactly.
+    def _controls(self, quantity: str) -> tuple[list[fmpq], list[fmpq]]:
+        """Bernstein coefficients of both polynomials of `fraction`."""
+        if quantity not in self._known_controls:
+            above, below = self.fraction(quantity)
+            self._known_controls[quantity] = bernstein(above, self.duration), bernstein(below, self.duration)
+        return self._known_controls[quantity]
 
-        What it costs is paid for out of the budget, where there is one.
-        """
-        rate = bounds.curvature_rate
-        # speed first: it is positive where the curvature's inequality is used
-        return (
-            self._inside("speed", self._speeds, bounds.speed, effort)
-            and self._inside("curvature", self._curvatures, bounds.curvature, effort)
-            and self._inside("acceleration", self._accelerations, bounds.acceleration, effort)
-            and (rate is None or self._inside("curvature_rate", None, rate, effort))
-        )
+    @cached_property
+    def _known_controls(self) -> dict[str, tuple[list[fmpq], list[fmpq]]]:
+        return {}
 
-    def _inside(self, quantity: str, spread: Spread | None, interval: Range, effort: Budget | None) -> bool:
-        lower, upper = interval
-        if spread is None:
-            return self.keeps(quantity, False, lower, effort) and self.keeps(quantity, True, upper, effort)
-        if spread.ends_lower < lower or spread.ends_upper > upper:
-            return False
-        return (spread.lower >= lower or self.keeps(quantity, False, lower, effort)) and (
-            spread.upper <= upper or self.keeps(quantity, True, upper, effort)
-        )
+    # --- parts of it, and the reference's motion along it
 
     def split(self, inner: Sequence[fmpq]) -> "Iterator[Piece]":
         """The same stretch, cut at these t (s), increasing and inside it."""
@@ -227,6 +203,10 @@ class Piece:
         """P and v_r."""
         turn, speed = (arb_poly(fmpq_poly(list(c))) for c in (integral(self.turn_rate), self.speed))
         return turn, speed
+
+
+def _padded(coefficients: Coefficients, size: int) -> Coefficients:
+    return (*coefficients, *[fmpq(0)] * (size - len(coefficients)))
 
 
 def are_steady(pieces: Sequence[Piece]) -> bool:

@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.funnel import LAW_SHARE
 from cfcheck.exact.rational import Range
+from cfcheck.kernel.funnel import LAW_SHARE
 from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken
 from cfcheck.robustness.ranges import SampledClaim
@@ -50,7 +50,7 @@ class Rates:
     inner: fmpq  # β̲
     horizon: fmpq = MOST  # s from what was measured on in which the bounds hold
 
-    def spent(self, amounts: "Absorbed") -> fmpq:
+    def spent(self, amounts: "AbsorbedClaim") -> fmpq:
         """How much of λ' is used up on average over a period, 1/s."""
         shaken = dot(self.slopes, amounts.disturbance)
         return (
@@ -60,12 +60,12 @@ class Rates:
             + (self.bend + shaken) * amounts.period / 2
         )
 
-    def blurred(self, amounts: "Absorbed") -> fmpq:
+    def blurred(self, amounts: "AbsorbedClaim") -> fmpq:
         """ω: how far V and what the law takes for it are apart at most."""
         norm = dot(self.norms, amounts.pose_error)
         return 2 * self.widest * norm + norm * norm
 
-    def risen(self, amounts: "Absorbed") -> fmpq:
+    def risen(self, amounts: "AbsorbedClaim") -> fmpq:
         """How much V rises from a measurement to the end of what is chosen by it."""
         return (self.rise + dot(self.gradient, amounts.disturbance)) * (amounts.period + amounts.delay)
 
@@ -86,7 +86,7 @@ class Rates:
 
 
 @dataclass(frozen=True)
-class Absorbed:
+class AbsorbedClaim:
     """What is absorbed together: h (s); δ (units of the states, a second) and ε (units), of all states; τ (s)."""
 
     period: fmpq
@@ -94,16 +94,16 @@ class Absorbed:
     pose_error: tuple[fmpq, ...]
     delay: fmpq
 
-    def scaled(self, factor: fmpq) -> "Absorbed":
+    def scaled(self, factor: fmpq) -> "AbsorbedClaim":
         """All of it, so many times."""
-        return Absorbed(
+        return AbsorbedClaim(
             period=factor * self.period,
             disturbance=tuple(factor * value for value in self.disturbance),
             pose_error=tuple(factor * value for value in self.pose_error),
             delay=factor * self.delay,
         )
 
-    def alone(self, name: str, state: int | None = None) -> "Absorbed":
+    def alone(self, name: str, state: int | None = None) -> "AbsorbedClaim":
         """One of the amounts by itself, in one state where it has several."""
         amount = getattr(self, name)
         if state is not None:
@@ -118,16 +118,19 @@ class Stated(NamedTuple):
     bands.
     """
 
-    alone: Absorbed
-    together: Absorbed
-    by_speed: tuple[Absorbed, ...]
+    alone: AbsorbedClaim
+    together: AbsorbedClaim
+    by_speed: tuple[AbsorbedClaim, ...]
 
 
-Keeps = Callable[[Absorbed], fmpq | None]  # the level that is kept under some amounts, where one is
+Keeps = Callable[[AbsorbedClaim], fmpq | None]  # the level that is kept under some amounts, where one is
 
 
-class Told(NamedTuple):
-    """What a law is told of a funnel: λ (1/s), μ (1/m), β̲ and β_in, and bounds for all of which it has to ask."""
+class LawNumbers(NamedTuple):
+    """What a run-time law has to know of a funnel: λ (1/s), μ (1/m), β̲, β_in, and bounds of references.
+
+    The law has to reach its decrease for all references within these bounds at once.
+    """
 
     margin: fmpq
     margin_per_metre: fmpq | None
@@ -140,38 +143,38 @@ class Told(NamedTuple):
 class BoundsOver:
     """What is proven over the funnels of a certificate, and what follows for amounts.
 
-    `rates` are those of every funnel, of an invariant one for each band of speeds; `told` is by funnel. `bands` (m/s)
-    are those of a funnel for every path within bounds, of which amounts are stated band by band. `sampled` is what is
-    proven of a law that looks one hold ahead.
+    `rates` are those of every funnel, of an invariant one for each band of speeds; `law_numbers` are by funnel.
+    `bands` (m/s) are those of a funnel for every path within bounds, of which amounts are stated band by band.
+    `sampled` is what is proven of a law that looks one hold ahead.
     """
 
     rates: tuple[Rates, ...]
     keeps: Keeps
-    told: tuple[Told, ...]
+    law_numbers: tuple[LawNumbers, ...]
     bands: tuple[Range, ...] = ()
     sampled: SampledClaim | None = None
 
 
 @dataclass(frozen=True)
-class Robustness:
+class ProvenRobustness:
     """Amounts that are absorbed: V stays below 1.
 
     From starts with V ≤ `pose_level` under an error of the pose alone, and with V ≤ `level` under all amounts together;
     both are 1 where the pose has no errors.
     """
 
-    alone: Absorbed
+    alone: AbsorbedClaim
     pose_level: fmpq
-    together: Absorbed
+    together: AbsorbedClaim
     level: fmpq
     rates: tuple[Rates, ...]
-    told: tuple[Told, ...] = ()  # by funnel
+    law_numbers: tuple[LawNumbers, ...] = ()  # by funnel
     bands: tuple[Range, ...] = ()
-    by_speed: tuple[Absorbed, ...] = ()
+    by_speed: tuple[AbsorbedClaim, ...] = ()
     sampled: SampledClaim | None = None
 
 
-def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
+def verified(stated: Stated, bounds: BoundsOver) -> ProvenRobustness:
     """The amounts that a file states, with the levels that are kept under them.
 
     Raises:
@@ -179,13 +182,13 @@ def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
     """
     alone, together, by_speed = stated
 
-    def level(name: str, amounts: Absorbed, keeps: Keeps = bounds.keeps) -> fmpq:
+    def level(name: str, amounts: AbsorbedClaim, keeps: Keeps = bounds.keeps) -> fmpq:
         kept = keeps(amounts)
         if kept is None:
             raise Broken(f"robustness: the bounds do not allow the {name} that is claimed")
         return kept
 
-    def each_alone(own: Absorbed, keeps: Keeps, where: str) -> fmpq:
+    def each_alone(own: AbsorbedClaim, keeps: Keeps, where: str) -> fmpq:
         """The least level under one state's error of the pose."""
         level(f"period{where}", own.alone("period"), keeps)
         level(f"delay{where}", own.alone("delay"), keeps)
@@ -198,26 +201,26 @@ def verified(stated: Stated, bounds: BoundsOver) -> Robustness:
         raise Broken(f"robustness: expected amounts for {len(bounds.bands)} bands of speed, got {len(by_speed)}")
     for band, own in enumerate(by_speed):
         each_alone(own, partial(least_level, bounds.rates[band : band + 1]), f" in band {band}")
-    return Robustness(
+    return ProvenRobustness(
         alone=alone,
         pose_level=each_alone(alone, bounds.keeps, ""),
         together=together,
         level=level("amounts together", together),
         rates=bounds.rates,
-        told=bounds.told,
+        law_numbers=bounds.law_numbers,
         bands=bounds.bands,
         by_speed=by_speed,
         sampled=bounds.sampled,
     )
 
 
-def least_level(rates: Sequence[Rates], amounts: Absorbed) -> fmpq | None:
+def least_level(rates: Sequence[Rates], amounts: AbsorbedClaim) -> fmpq | None:
     """The least of the levels that are kept; None where one is not."""
     levels = [kept_level(one, amounts) for one in rates]
     return None if None in levels else min(level for level in levels if level is not None)
 
 
-def kept_level(rates: Rates, amounts: Absorbed) -> fmpq | None:
+def kept_level(rates: Rates, amounts: AbsorbedClaim) -> fmpq | None:
     """1 − ω where the inequalities above hold for one funnel, else None."""
     blurred = rates.blurred(amounts)
     inside = rates.inner + 2 * blurred + rates.risen(amounts)

@@ -12,18 +12,19 @@ from math import comb, factorial
 
 from flint import fmpq, fmpq_mpoly
 
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.claims.proof import Question
 from cfcheck.exact.rational import Range
 from cfcheck.exact.symbolic import Symbolic
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.path.reference import Gap
 from cfcheck.reader import Broken
 from cfcheck.robustness.hold import TIMING
+from cfcheck.robustness.term_bounds import slopes_of
 
 
 @dataclass(frozen=True)
 class SteadyLeg:
-    """A leg of one turning rate and speed (`profile`, by the graph's names), and what is asked of its funnel.
+    """A leg of one turning rate and speed (`profile`, by the graph's names), and condition (d) of its funnel.
 
     `duration` in s; `gap` is the jump of the reference where the leg closes a lap.
     """
@@ -71,13 +72,13 @@ def derivatives(leg: SteadyLeg, order: int) -> list[fmpq_mpoly]:
         generators[dynamics.names.index(name)]: value for name, value in profile.items()
     }
     rates = [rate.subs(numbers) for rate in dynamics.rates]
-    circles = _circles(dynamics)
+    circles, slopes = _circles(dynamics), slopes_of(dynamics)
     pairs = ((i, j) for i in range(len(states)) for j in range(len(states)))
     value = sum((funnel.shape[i][j] * symbols[states[i]] * symbols[states[j]] for i, j in pairs), zero)
     found = []
     for _ in range(order):
         along = (
-            domain.product(dynamics.derivative(value, state), rate) for state, rate in zip(states, rates, strict=True)
+            domain.product(slopes.derivative(value, state), rate) for state, rate in zip(states, rates, strict=True)
         )
         turned = domain.product(value, funnel.level.rate * symbols[TIMING])
         value = reduce(domain.sum, along, turned)

@@ -25,16 +25,16 @@ from decimal import ROUND_CEILING, ROUND_FLOOR
 
 from flint import fmpq
 
-from cfcheck.claims.containment import Sets, broken_containments
 from cfcheck.claims.document import Certificate, Claims
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.claims.legs import Joint, different, joints_of
 from cfcheck.claims.proof import MOST_EFFORT, Question, dynamics_of
 from cfcheck.exact.enclosure import Budget
 from cfcheck.exact.rational import Range, decimal_text, dyadic, rational, sqrt_lower
+from cfcheck.kernel.containment import Sets, broken_containments
+from cfcheck.kernel.funnel import FunnelClaim
+from cfcheck.kernel.legs import Joint, different, joints_of
 from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken
-from cfcheck.robustness.amounts import SHARE, Absorbed, BoundsOver, Rates, Told, least_level
+from cfcheck.robustness.amounts import SHARE, AbsorbedClaim, BoundsOver, LawNumbers, Rates, least_level
 from cfcheck.robustness.hold_hints import FunnelHints
 from cfcheck.robustness.rate_bounds import bands_of, rates_along, rates_within
 from cfcheck.vehicle.structure import is_mirror
@@ -43,14 +43,14 @@ from cfcheck.vehicle.structure import is_mirror
 FLOORS, STEP = 64, fmpq(15, 16)  # levels b at most, and from one to the next
 
 
-def told_of(funnel: FunnelClaim, bounds: Bounds | None) -> Told:
-    """What a law is told of a funnel, as it is printed."""
+def law_numbers_of(funnel: FunnelClaim, bounds: Bounds | None) -> LawNumbers:
+    """What a run-time law has to know of a funnel, as the numbers are printed."""
 
     def printed(value: fmpq, rounding: str) -> fmpq:
         return rational(decimal_text(value, rounding))
 
     per_metre = funnel.margin_per_metre
-    return Told(
+    return LawNumbers(
         margin=printed(funnel.margin, ROUND_FLOOR),
         margin_per_metre=None if per_metre is None else printed(per_metre, ROUND_FLOOR),
         shell=printed(funnel.beta_lower, ROUND_CEILING),
@@ -67,28 +67,28 @@ class HeldFunnel:
     """
 
     funnel: FunnelClaim
-    told: Told
+    numbers: LawNumbers
     fastest: fmpq
     bands: tuple[Range, ...]
     rates: tuple[Rates, ...]
 
-    def blurred(self, amounts: Absorbed) -> fmpq:
+    def blurred(self, amounts: AbsorbedClaim) -> fmpq:
         """ω."""
         return max(one.blurred(amounts) for one in self.rates)
 
-    def risen(self, amounts: Absorbed) -> fmpq:
+    def risen(self, amounts: AbsorbedClaim) -> fmpq:
         """D' (h + τ)."""
         return max(one.risen(amounts) for one in self.rates)
 
-    def entry(self, amounts: Absorbed) -> fmpq:
+    def entry(self, amounts: AbsorbedClaim) -> fmpq:
         """V at most where a leg with it begins."""
         return 1 - self.blurred(amounts) - self.risen(amounts)
 
-    def descent(self, amounts: Absorbed) -> "Descent":
+    def descent(self, amounts: AbsorbedClaim) -> "Descent":
         """How V comes down in this funnel under the amounts."""
         late = amounts.period + amounts.delay
         blurred, risen = self.blurred(amounts), self.risen(amounts)
-        start, per_metre, bounds = dyadic(1 - blurred, up=True), self.told.margin_per_metre, self.told.bounds
+        start, per_metre, bounds = dyadic(1 - blurred, up=True), self.numbers.margin_per_metre, self.numbers.bounds
         if per_metre is None or bounds is None:
             return Descent(start, fmpq(0), ())
         steepest = max(map(abs, bounds.acceleration))
@@ -97,14 +97,14 @@ class HeldFunnel:
         for (slowest, _), rates in zip(self.bands, self.rates, strict=True):
             metres = self.fastest * (1 + steepest * self.fastest * late / slowest)
             costs.append((rates.spent(amounts) / slowest, metres))
-        steps, level = [], self.told.shell
+        steps, level = [], self.numbers.shell
         for _ in range(FLOORS):
-            asked = SHARE * per_metre * level / self.told.shell
-            fall = min((asked - spent) / metres for spent, metres in costs)
+            reached = SHARE * per_metre * level / self.numbers.shell  # by the law, 1/m
+            fall = min((reached - spent) / metres for spent, metres in costs)
             steps.append((dyadic(fall, up=False), dyadic(level + blurred + risen, up=True)))
-            if level == self.told.inner or fall <= 0:
+            if level == self.numbers.inner or fall <= 0:
                 break
-            level = max(dyadic(level * STEP, up=True), self.told.inner)
+            level = max(dyadic(level * STEP, up=True), self.numbers.inner)
         lost = bounds.speed[1] * self.fastest * late
         return Descent(start, dyadic(lost, up=True), tuple(steps))
 
@@ -130,8 +130,8 @@ class Descent:
         return level
 
 
-def held_question(claims: Claims, index: int, mirror: tuple[int, ...] | None, told: Told) -> Question:
-    """What is asked of a funnel while inputs are held: with margins as they are told, and all that the car can do.
+def held_question(claims: Claims, index: int, mirror: tuple[int, ...] | None, numbers: LawNumbers) -> Question:
+    """Condition (d) while inputs are held: with the margins that a law knows, and all that the car can do.
 
     `mirror` are the signs of its proof, which need not be those of what the car can do.
 
@@ -145,14 +145,14 @@ def held_question(claims: Claims, index: int, mirror: tuple[int, ...] | None, to
     able = replace(model, inputs=box)
     dynamics = dynamics_of(model)
     is_kept = mirror is not None and is_mirror(dynamics, able.vehicle.states, box, funnel.shape, mirror)
-    per_metre = told.margin_per_metre
-    asked = replace(
+    per_metre = numbers.margin_per_metre
+    known = replace(
         funnel,
-        margin=told.margin / model.faster,
+        margin=numbers.margin / model.faster,
         margin_per_metre=None if per_metre is None else per_metre * model.length,
-        beta_lower=told.shell,
+        beta_lower=numbers.shell,
     )
-    return Question(able, dynamics, asked, mirror if is_kept else None)
+    return Question(able, dynamics, known, mirror if is_kept else None)
 
 
 def held_over(certificate: Certificate, hints: Sequence[FunnelHints]) -> tuple[HeldFunnel, ...]:
@@ -187,11 +187,11 @@ def bounds_over(certificate: Certificate, hints: Sequence[FunnelHints]) -> Bound
         bands = held[0].bands
         if any(rational(decimal_text(end, ROUND_FLOOR)) != end for _, end in bands[:-1]):
             raise Broken("robustness: the bands of speed end at numbers that are not printed exactly")
-        return BoundsOver(rates, lambda amounts: least_level(rates, amounts), (held[0].told,), bands)
+        return BoundsOver(rates, lambda amounts: least_level(rates, amounts), (held[0].numbers,), bands)
     joints = joints_of(claims.legs, problem.is_lap, claims.ratios)
     ways = [leg.length for leg in claims.legs]
 
-    def keeps(amounts: Absorbed) -> fmpq | None:
+    def keeps(amounts: AbsorbedClaim) -> fmpq | None:
         kept = least_level(rates, amounts)
         if kept is None:
             return None
@@ -200,11 +200,11 @@ def bounds_over(certificate: Certificate, hints: Sequence[FunnelHints]) -> Bound
         entries = [levels[part.funnel] for part in parts]
         return kept if are_entered(joints, ends, entries) and _arrives(claims, ends[-1]) else None
 
-    return BoundsOver(rates, keeps, tuple(own.told for own in held))
+    return BoundsOver(rates, keeps, tuple(own.numbers for own in held))
 
 
 def _arrives(claims: Claims, level: fmpq) -> bool:
-    """Whether {V ≤ level} of the last leg lies in G, if one is asked."""
+    """Whether {V ≤ level} of the last leg lies in G, if there is one."""
     problem, last = claims.problem, claims.legs[-1]
     goal = Sets(None, problem.goal, None)
     states = problem.vehicle.states
@@ -215,8 +215,8 @@ def _held(certificate: Certificate, index: int, hints: FunnelHints, effort: Budg
     """Bounds over a funnel, proven in the units of the car that it is proven for."""
     claims, own = certificate.claims, certificate.hints[index]
     problem, model, bounds = claims.problem, claims.models[index], hints.bounds
-    told = told_of(claims.driven[index], bounds)
-    question = held_question(claims, index, own.mirror, told)
+    numbers = law_numbers_of(claims.driven[index], bounds)
+    question = held_question(claims, index, own.mirror, numbers)
     if bounds is None:
         rates = [rates_along(question, claims.legs_of(index), hints.stretches, effort)]
         bands: tuple[Range, ...] = ()
@@ -230,7 +230,7 @@ def _held(certificate: Certificate, index: int, hints: FunnelHints, effort: Budg
         ]
         bands = tuple((low * model.speed, high * model.speed) for low, high in narrow)
     in_units = tuple(one.in_units(model.axes, model.faster) for one in rates)
-    return HeldFunnel(claims.driven[index], told, problem.fastest, bands, in_units)
+    return HeldFunnel(claims.driven[index], numbers, problem.fastest, bands, in_units)
 
 
 def _require_bounds(certificate: Certificate, index: int, bounds: Bounds, effort: Budget) -> None:

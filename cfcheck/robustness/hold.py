@@ -14,7 +14,7 @@ them, and at most `spare` above its values at the vertices; `cfcheck.robustness.
 
 Where the reference may jump at any time, as in a tube, V̇ at a reference r' that stays is looked at while the car moves
 beside any other, r: d/dt (∇V·f(x, u, r')) = 2 f(r)ᵀ C f(r') + ∇V·(∂f(r')/∂x) f(r). Turning rate and acceleration of r'
-are parameters of their own then (`asked:…`), and it is affine in each of the four.
+are parameters of their own then (`frozen:…`), and it is affine in each of the four.
 
 Both are polynomials in the parameters whose coefficients are computed once (`cfcheck.robustness.parametric`).
 That B is a bound at a vertex is shown by sums of squares (`cfcheck.kernel.program`), with q_lo ≤ q ≤ q_hi as
@@ -40,13 +40,16 @@ from cfcheck.robustness.parametric import Combination, Parametric, Point
 
 ApplyFunction = Callable[[int, str, Enclosure], Enclosure]
 TIMING = "input:u0"
-REFERENCE, ASKED = "reference:", "asked:"  # beside which a car moves, and at which V̇ is looked at where that is another
+REFERENCE, FROZEN = (
+    "reference:",
+    "frozen:",
+)  # r, and r' where it is another
 ORDERS = (1, 2)  # V̇, V̈
 
 
-def asked_name(name: str) -> str:
+def frozen_name(name: str) -> str:
     """The parameter that stands for a reference's where V̇ is looked at."""
-    return name.replace(REFERENCE, ASKED)
+    return name.replace(REFERENCE, FROZEN)
 
 
 def derivatives_of(graph: Graph, states: Sequence[str]) -> dict[int, str]:
@@ -62,23 +65,23 @@ class HeldCell(NamedTuple):
     vertex: int
 
 
-class Dual:
+class Differentiated:
     """A value and its slopes by several variables; enough of arithmetic to evaluate a graph."""
 
     def __init__(self, value: Parametric, slopes: Mapping[int, Parametric]) -> None:
         self.value, self.slopes = value, slopes  # by the number of the variable; those that are not there are zero
 
-    def __add__(self, other: "Dual") -> "Dual":
-        return Dual(self.value + other.value, _sum(self.slopes, other.slopes))
+    def __add__(self, other: "Differentiated") -> "Differentiated":
+        return Differentiated(self.value + other.value, _sum(self.slopes, other.slopes))
 
-    def __sub__(self, other: "Dual") -> "Dual":
+    def __sub__(self, other: "Differentiated") -> "Differentiated":
         return self + -other
 
-    def __neg__(self) -> "Dual":
-        return Dual(-self.value, {index: -slope for index, slope in self.slopes.items()})
+    def __neg__(self) -> "Differentiated":
+        return Differentiated(-self.value, {index: -slope for index, slope in self.slopes.items()})
 
-    def __mul__(self, other: "Dual") -> "Dual":
-        return Dual(self.value * other.value, _sum(self.times(other.value), other.times(self.value)))
+    def __mul__(self, other: "Differentiated") -> "Differentiated":
+        return Differentiated(self.value * other.value, _sum(self.times(other.value), other.times(self.value)))
 
     def times(self, factor: Parametric) -> dict[int, Parametric]:
         """The slopes times a factor."""
@@ -139,12 +142,12 @@ class HeldMotion(FunnelProgram):
     def orders(self, vertex: int) -> tuple[int, ...]:
         """What is bounded there: of V̇ nothing new where it is looked at beside another reference."""
         at = self.vertices[vertex]
-        return ORDERS if self.asked(at) == at else ORDERS[1:]
+        return ORDERS if self.frozen(at) == at else ORDERS[1:]
 
     @staticmethod
-    def asked(at: Point) -> Point:
+    def frozen(at: Point) -> Point:
         """The parameters at which V̇ is looked at."""
-        return {name: at.get(asked_name(name), value) for name, value in at.items()}
+        return {name: at.get(frozen_name(name), value) for name, value in at.items()}
 
     # --- the motion, in parameters
 
@@ -155,12 +158,14 @@ class HeldMotion(FunnelProgram):
         return self.graph.evaluate(values, self.domain.constant, function)
 
     @cached_property
-    def _duals(self) -> list[Dual]:
+    def _duals(self) -> list[Differentiated]:
         """ẋ with ∂ẋ/∂x."""
-        values = {name: Dual(self._parameter(name), {}) for name in self.parameters}
+        values = {name: Differentiated(self._parameter(name), {}) for name in self.parameters}
         for index, (name, x) in enumerate(zip(self.states, self.deviations, strict=True)):
-            values[name] = Dual(self._exact(x), {index: self._exact(self.ring.constant(1))})
-        return self.graph.evaluate(values, lambda value: Dual(self._exact(self.ring.constant(value)), {}), self._apply)
+            values[name] = Differentiated(self._exact(x), {index: self._exact(self.ring.constant(1))})
+        return self.graph.evaluate(
+            values, lambda value: Differentiated(self._exact(self.ring.constant(value)), {}), self._apply
+        )
 
     def _exact(self, polynomial: fmpq_mpoly) -> Parametric:
         return Parametric.free(self.domain.exact(polynomial))
@@ -169,13 +174,13 @@ class HeldMotion(FunnelProgram):
         lower, upper = self.parameters[name]
         return Parametric.parameter(self.domain, name) if lower < upper else self._exact(self.ring.constant(lower))
 
-    def _apply(self, node: int, function: str, argument: Dual) -> Dual:
+    def _apply(self, node: int, function: str, argument: Differentiated) -> Differentiated:
         value = argument.value.constant.apply(self.enclosures[node])
         if not argument.slopes:
-            return Dual(Parametric.free(value), {})
+            return Differentiated(Parametric.free(value), {})
         derivative = DERIVATIVES[function]
         other = argument.value.constant.apply(self.derivatives[node]) if derivative.other else value
-        return Dual(Parametric.free(value), argument.times(Parametric.free(derivative.of(value, other))))
+        return Differentiated(Parametric.free(value), argument.times(Parametric.free(derivative.of(value, other))))
 
     @cached_property
     def moved(self) -> list[Parametric]:
@@ -185,7 +190,7 @@ class HeldMotion(FunnelProgram):
     @cached_property
     def _timing(self) -> Parametric:
         """k u0: how fast V/σ changes by σ alone, over V/σ, where V has a rate of its own."""
-        return self._exact(self.ring.constant(self.piece.timing[1])) * self._parameter(TIMING)
+        return self._exact(self.ring.constant(self.piece.timing.slope)) * self._parameter(TIMING)
 
     @cached_property
     def uphill(self) -> Parametric:
@@ -196,7 +201,7 @@ class HeldMotion(FunnelProgram):
     @cached_property
     def first(self) -> Parametric:
         """V̇/σ."""
-        timing = self._exact(self.piece.timing_at(self.form)) * self._parameter(TIMING)
+        timing = self._exact(self.piece.timing.at(self.form)) * self._parameter(TIMING)
         return self.uphill + timing
 
     @cached_property
@@ -216,8 +221,8 @@ class HeldMotion(FunnelProgram):
     @cached_property
     def second(self) -> Parametric:
         """V̈/σ beside references that stay as they are: k u0 (q̇ + k u0 q) + ẋ·∂(V̇/σ)/∂x."""
-        asked = {name: asked_name(name) for name in self.parameters if asked_name(name) in self.parameters}
-        along = (rate * slope.renamed(asked) for rate, slope in zip(self.moved, self.slopes, strict=True))
+        frozen = {name: frozen_name(name) for name in self.parameters if frozen_name(name) in self.parameters}
+        along = (rate * slope.renamed(frozen) for rate, slope in zip(self.moved, self.slopes, strict=True))
         return self._total(along) + self._timing * (self.uphill + self._timing * self._exact(self.form))
 
     def _total(self, each: Iterable[Parametric]) -> Parametric:
@@ -246,11 +251,11 @@ class HeldMotion(FunnelProgram):
         return [size * self.domain.radius**degree for degree, size in enumerate(sizes)]
 
     def _weighted(self, value: Combination) -> fmpq:
-        """σ |value| over this range of levels, at most: σ ≤ 1/drop."""
+        """σ |value| over this range of levels, at most: σ ≤ 1/weight."""
         powers, piece = self._powers(value), self.piece
-        if not piece.drop[1]:
-            return sum(powers, fmpq(0)) / piece.drop[0]
-        # drop = q: (q/q_hi)^{d/2}/q is largest at q_hi from d = 2 on, at q_lo before
+        if not piece.weight.slope:
+            return sum(powers, fmpq(0)) / piece.weight.constant
+        # weight = q: (q/q_hi)^{d/2}/q is largest at q_hi from d = 2 on, at q_lo before
         ratio = sqrt_upper(piece.lower / piece.upper)
         inner = sum((c * ratio**degree for degree, c in enumerate(powers[:2])), fmpq(0))
         return inner / piece.lower + sum(powers[2:], fmpq(0)) / piece.upper
@@ -275,13 +280,11 @@ class HeldMotion(FunnelProgram):
         left_out += self.spare if cell.order == 2 else 0
         return self.domain.negative(rate.polynomial(most)) - left_out
 
-    def drop(self, cell: HeldCell) -> fmpq_mpoly:
-        return self.piece.drop_at(self.form)
+    def weight(self, cell: HeldCell) -> fmpq_mpoly:
+        return self.piece.weight.at(self.form)
 
-    def least_drop(self, cell: HeldCell) -> fmpq:
-        return self.piece.least_drop
+    def least_weight(self, cell: HeldCell) -> fmpq:
+        return self.piece.least_weight
 
     def constraints(self, cell: HeldCell) -> list[fmpq_mpoly]:
-        """q − q_lo and q_hi − q; the first says nothing where q_lo is 0."""
-        above = [self.form - self.piece.lower] if self.piece.lower > 0 else []
-        return [*above, self.piece.upper - self.form]
+        return self.edges(self.piece.lower, self.piece.upper)

@@ -21,7 +21,7 @@ from cfcheck.exact.rational import Matrix
 from cfcheck.kernel.program import Gram
 from cfcheck.path.bounds import Bounds, read_bounds
 from cfcheck.reader import Broken, Item
-from cfcheck.robustness.amounts import Absorbed, Stated
+from cfcheck.robustness.amounts import AbsorbedClaim, Stated
 from cfcheck.robustness.hold import ORDERS
 from cfcheck.robustness.ranges import SampledClaim
 from cfcheck.robustness.sampled import RangeHints
@@ -109,13 +109,13 @@ def _stated(item: Item, states: int) -> Stated:
     return Stated(every, _amounts(together, states), tuple(bands))
 
 
-def _amounts(item: Item, states: int) -> Absorbed:
+def _amounts(item: Item, states: int) -> AbsorbedClaim:
     period, disturbance, pose_error, delay = item.record("period", "disturbance", "pose_error", "delay")
 
     def by_state(entry: Item) -> tuple[fmpq, ...]:
         return tuple(map(_amount, entry.items(states, states)))
 
-    return Absorbed(_amount(period), by_state(disturbance), by_state(pose_error), _amount(delay))
+    return AbsorbedClaim(_amount(period), by_state(disturbance), by_state(pose_error), _amount(delay))
 
 
 def _amount(item: Item) -> fmpq:

@@ -1,6 +1,6 @@
-"""What is asked of holds on each range of q = xᵀ C x, and the polynomials that it is asked of.
+"""The inequalities that holds have to satisfy on each range of q = xᵀ C x, and their polynomials.
 
-θ is eliminated as in `cfcheck.kernel.level`: ranges of q cover the funnel, and drop(q) is at least e^{−kθ} wherever a
+θ is eliminated as in `cfcheck.kernel.level`: ranges of q cover the funnel, and weight(q) is at least e^{−kθ} wherever a
 claim is made. Claims are those of `cfcheck.robustness.sampled`, divided by e^{kθ}.
 """
 
@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 from flint import fmpq, fmpq_mpoly
 
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.exact.enclosure import Enclosure, UnaryEnclosure
 from cfcheck.exact.rational import Matrix, Range, sqrt_upper
 from cfcheck.exact.symbolic import Symbolic
-from cfcheck.kernel.level import Affine, Contracting, LevelPiece
+from cfcheck.kernel.funnel import FunnelClaim
+from cfcheck.kernel.level import ONE, ZERO, Affine, Contracting, LevelPiece
 from cfcheck.kernel.program import FunnelProgram, monomials
 from cfcheck.reader import Broken
 from cfcheck.robustness.derivatives import SteadyLeg, control_points, derivatives
@@ -30,7 +30,7 @@ BEND_DEGREES = (2, 1)  # of a bound on V^(m+1)
 FORK_DEGREE = 2  # of the polynomials at forks
 ORDERS = (2, 3)
 BEND = -1  # in place of the number of a Bernstein coefficient: the claim on V^(m+1)
-RISE = 0  # likewise, where nothing is asked of a part: the claim on V', which is B_0
+RISE = 0  # likewise, for a cell that is of no part: the claim on V', which is B_0
 
 Coefficients = tuple[fmpq, ...]
 Inputs = tuple[fmpq, ...]  # in the order of the problem's
@@ -74,55 +74,56 @@ class SampledClaim:
 
     def need(self, part: "Part", choice: int, j: int) -> fmpq:
         """By how many drops −B_j + slack has to be above zero, 1/s."""
-        asked = self.decrease if part.is_shell else fmpq(0)
-        return asked + (self.left_out(choice) if j == self.order - 1 else 0)
+        decrease = self.decrease if part.is_shell else fmpq(0)
+        return decrease + (self.left_out(choice) if j == self.order - 1 else 0)
 
 
 class Part(NamedTuple):
-    """What is asked on a range: −B_j + slack ≥ need drop, slack and drop affine in q (`SampledClaim.need`)."""
+    """An inequality on a range: −B_j + slack ≥ need weight, slack and weight affine in q (`SampledClaim.need`)."""
 
     slack: Affine
-    drop: Affine
+    weight: Affine
     is_shell: bool
 
 
-class Asked(NamedTuple):
-    """A range of q; its `drop` is at most 1/σ on V ≤ 1, which bounds of V^(m+1) need."""
+class LevelRange(NamedTuple):
+    """A range of q; its `weight` is at most 1/σ on V ≤ 1, which bounds of V^(m+1) need."""
 
     piece: LevelPiece
     parts: tuple[Part, ...]
 
 
-def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[Asked]:
-    """Ranges of q that cover the funnel while θ is in the span, with what is asked there; one of them in pieces.
+def ranges(funnel: FunnelClaim, span: Range, claim: SampledClaim) -> list[LevelRange]:
+    """Ranges of q that cover the funnel while θ is in the span, with their inequalities; one of them in pieces.
 
-    Inside, where V ≤ β̲, 1/σ is at least `room`. There B_j ≤ (1/σ − q)/h − ρ/σ is asked, ρ for the last j alone: where
-    ρ ≤ 1/h it is worst where 1/σ is least.
+    Inside, where V ≤ β̲, 1/σ is at least `room`. There B_j ≤ (1/σ − q)/h − ρ/σ has to hold, ρ for the last j alone:
+    where ρ ≤ 1/h it is worst where 1/σ is least.
 
     Raises:
         Broken: for a V of another template, or cuts that do not follow each other where V may be β̲.
     """
-    level, beta, zero = funnel.level, funnel.beta_lower, fmpq(0)
+    level, beta = funnel.level, funnel.beta_lower
     if not isinstance(level, Contracting):
         raise Broken("sampled: expected a V of the template contracting")
     least, peak = level.extent(span)
-    timing = zero, level.rate
+    timing = Affine(ZERO, level.rate)
     ends = beta * least, *claim.cuts, beta * peak
     if any(lower >= upper for lower, upper in pairwise(ends)):
         raise Broken("sampled: the cuts do not follow each other in the range that they cut")
-    rising, itself = (zero, 1 / beta), (zero, fmpq(1))
+    rising, itself = Affine(ZERO, 1 / beta), Affine(ZERO, ONE)
 
     def inside(room: Affine) -> Part:
-        return Part((room[0] / claim.period, (room[1] - 1) / claim.period), room, is_shell=False)
+        slack = Affine(room.constant / claim.period, (room.slope - 1) / claim.period)
+        return Part(slack, room, is_shell=False)
 
-    def shell(drop: Affine) -> Part:
-        return Part((zero, zero), drop, is_shell=True)
+    def shell(weight: Affine) -> Part:
+        return Part(Affine(ZERO, ZERO), weight, is_shell=True)
 
-    middle = (Asked(LevelPiece(*each, timing, itself), (inside(rising), shell(rising))) for each in pairwise(ends))
+    middle = (LevelRange(LevelPiece(*each, timing, itself), (inside(rising), shell(rising))) for each in pairwise(ends))
     return [
-        Asked(LevelPiece(zero, beta * least, timing, (least, zero)), (inside((least, zero)),)),
+        LevelRange(LevelPiece(ZERO, beta * least, timing, Affine(least, ZERO)), (inside(Affine(least, ZERO)),)),
         *middle,
-        Asked(LevelPiece(beta * peak, peak, timing, itself), (shell((peak, zero)),)),
+        LevelRange(LevelPiece(beta * peak, peak, timing, itself), (shell(Affine(peak, ZERO)),)),
     ]
 
 
@@ -224,8 +225,7 @@ class HeldRange(FunnelProgram):
         # closest at the inner edge, where remainders weigh most: |y|² is nearly q/peak
         around = sqrt_upper(lower / self.peak) if lower else fmpq(1)
         left = Enclosure(self.domain, self.ring.constant(0), (constant, linear, square)).remainder_bound(around)
-        norm_squared = sum((y * y for y in self.ring.gens()), self.ring.constant(0))
-        return self.domain.sum(rate.polynomial(most), norm_squared * left[1] + left[0])
+        return self.domain.sum(rate.polynomial(most), self.norm_squared * left[1] + left[0])
 
     def fork(self, coefficients: Coefficients) -> fmpq_mpoly:
         """The polynomial at a fork."""
@@ -241,33 +241,20 @@ class HeldRange(FunnelProgram):
 
     def degrees_of(self, cell: HoldCell) -> tuple[int, ...]:
         square, other = DEGREES if cell.part else BEND_DEGREES
-        return square, *[other] * (len(cell.forks) + len(self.edges))
+        return square, *[other] * len(self.constraints(cell))
 
     def target(self, cell: HoldCell) -> fmpq_mpoly:
         most = self.domain.negative(self.upper(cell.value, cell.choice, 2 * self.degrees_of(cell)[0]))
-        return self.domain.sum(affine(cell.part.slack, self.form), most) if cell.part else most
+        return self.domain.sum(cell.part.slack.at(self.form), most) if cell.part else most
 
-    def drop(self, cell: HoldCell) -> fmpq_mpoly:
-        return affine(cell.part.drop, self.form) if cell.part else self.piece.drop_at(self.form)
+    def weight(self, cell: HoldCell) -> fmpq_mpoly:
+        return (cell.part or self.piece).weight.at(self.form)
 
-    def least_drop(self, cell: HoldCell) -> fmpq:
-        constant, slope = cell.part.drop if cell.part else self.piece.drop
-        return constant + slope * (self.piece.lower if slope > 0 else self.piece.upper)
+    def least_weight(self, cell: HoldCell) -> fmpq:
+        return (cell.part or self.piece).weight.least(self.piece.lower, self.piece.upper)
 
     def constraints(self, cell: HoldCell) -> list[fmpq_mpoly]:
-        return [*cell.forks, *self.edges]
-
-    @cached_property
-    def edges(self) -> list[fmpq_mpoly]:
-        """q − q_lo and q_hi − q; the first says nothing where q_lo is 0."""
-        above = [self.form - self.piece.lower] if self.piece.lower > 0 else []
-        return [*above, self.piece.upper - self.form]
-
-
-def affine(coefficients: Affine, q: fmpq_mpoly) -> fmpq_mpoly:
-    """Constant and slope at q."""
-    constant, slope = coefficients
-    return constant + slope * q
+        return [*cell.forks, *self.edges(self.piece.lower, self.piece.upper)]
 
 
 def span_of(leg: SteadyLeg, period: fmpq) -> Range:
@@ -276,7 +263,7 @@ def span_of(leg: SteadyLeg, period: fmpq) -> Range:
 
 
 def held_ranges(leg: SteadyLeg, claim: SampledClaim) -> Iterator[tuple[HeldRange, tuple[Part, ...]]]:
-    """The ranges of q without hints yet, with what is asked on each.
+    """The ranges of q without hints yet, with the parts of each.
 
     Raises:
         Broken, ValueError: as `derivatives` and `ranges`.

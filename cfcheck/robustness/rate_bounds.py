@@ -23,18 +23,18 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.claims.legs import Leg, different
 from cfcheck.claims.proof import Question, prove_enclosures
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Budget
 from cfcheck.exact.polynomial import Coefficients, bernstein, derivative, evaluate
 from cfcheck.exact.rational import Range, sqrt_upper
+from cfcheck.kernel.funnel import FunnelClaim
+from cfcheck.kernel.legs import Leg, different
 from cfcheck.kernel.program import CellProof, Gram
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece, between
 from cfcheck.reader import Broken
 from cfcheck.robustness.amounts import MOST, SHARE, Rates, dot
-from cfcheck.robustness.hold import ASKED, ORDERS, REFERENCE, TIMING, HeldCell, HeldMotion, asked_name, derivatives_of
+from cfcheck.robustness.hold import FROZEN, ORDERS, REFERENCE, TIMING, HeldCell, HeldMotion, derivatives_of, frozen_name
 from cfcheck.robustness.hold_hints import DEGREES, MOST_VERTICES, HeldStretch, PieceHints
 from cfcheck.robustness.spare import Terms, require_affine
 from cfcheck.vehicle.structure import SPEED, SPEED_SLOPE, TURN_RATE, TURN_RATE_SLOPE, require_tube_structure
@@ -96,7 +96,7 @@ def rates_within(question: Question, bounds: Bounds, band: Range, hints: Sequenc
 def _rates_of(funnel: FunnelClaim, found: "Sequence[_Sizes]", decrease: fmpq) -> Rates:
     """The largest of the bounds on all ranges of levels."""
     states = range(len(found[0].slopes))
-    least, peak = min(sizes.least_drop for sizes in found), max(sizes.level for sizes in found)
+    least, peak = min(sizes.least_weight for sizes in found), max(sizes.level for sizes in found)
     widest, scale = funnel.level.deviation_scale(least, peak)
     norms = tuple(sqrt_upper(scale * funnel.shape[i][i]) for i in states)
     slopes = tuple(max(sizes.slopes[i] for sizes in found) for i in states)
@@ -118,7 +118,7 @@ class _Sizes(NamedTuple):
     """What is proven on one range of levels of a stretch."""
 
     level: fmpq  # the largest q
-    least_drop: fmpq  # at most every 1/σ
+    least_weight: fmpq  # at most every 1/σ
     rise: fmpq  # V̇
     bend: fmpq  # V̈
     slopes: tuple[fmpq, ...]  # |∂V̇/∂x_i|
@@ -128,7 +128,7 @@ class _Sizes(NamedTuple):
 
     def gain(self, name: str) -> fmpq:
         """|∂V̇/∂(parameter of the reference)|."""
-        return self.terms.gain(name) / self.least_drop
+        return self.terms.gain(name) / self.least_weight
 
 
 class References(NamedTuple):
@@ -136,7 +136,7 @@ class References(NamedTuple):
 
     box: Mapping[str, Range]  # of what the dynamics see
     slopes: Mapping[str, fmpq]  # bounds of |dr/dθ|
-    asked: Mapping[str, Range] = {}  # what V̇ is looked at, where that is another
+    frozen: Mapping[str, Range] = {}  # what V̇ is looked at, where that is another
     mirrored: str = ""  # one end of this one speaks for both
 
 
@@ -158,22 +158,22 @@ def motions_within(question: Question, bounds: Bounds, band: Range) -> list[tupl
     box[TURN_RATE_SLOPE] = (fmpq(0), fmpq(0))  # no vehicle with such a funnel depends on it
     slopes = {TURN_RATE: max(map(abs, bounds.curvature)) * steepest, SPEED: steepest}  # of what is looked at
     jumping = (TURN_RATE, bounds.curvature), (SPEED_SLOPE, bounds.acceleration)
-    asked = {asked_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
+    frozen = {frozen_name(name): box[name] for name, (lower, upper) in jumping if lower < upper}
     # V'' at a vertex is that of the mirrored car at the mirrored one
     mirrored = TURN_RATE if question.is_mirrored(bounds) else ""
-    return _motions(question, References(box, slopes, asked, mirrored), (fmpq(0), fmpq(0)))
+    return _motions(question, References(box, slopes, frozen, mirrored), (fmpq(0), fmpq(0)))
 
 
 def _motions(question: Question, references: References, span: Range) -> list[tuple[HeldMotion, Terms]]:
     model, dynamics, funnel = question.model, question.dynamics, question.funnel
-    box, slopes, asked, mirrored = references
+    box, slopes, frozen, mirrored = references
     states = model.vehicle.states
     parameters = {f"input:{name}": limits for name, limits in model.inputs.items()}
     for name, (lower, upper) in box.items():  # what the dynamics do not depend on may have any value
         parameters[name] = (lower, upper if dynamics.depends_on(name) else lower)
     slopes = {name: bound for name, bound in slopes.items() if dynamics.depends_on(name)}
     require_affine(dynamics, parameters)
-    parameters |= {name: ends for name, ends in asked.items() if dynamics.depends_on(name.replace(ASKED, REFERENCE))}
+    parameters |= {name: ends for name, ends in frozen.items() if dynamics.depends_on(name.replace(FROZEN, REFERENCE))}
     found = []
     for piece in funnel.level.inside(span):
         terms = Terms(dynamics, states, parameters, slopes, funnel.shape, piece)
@@ -195,17 +195,17 @@ def _motions(question: Question, references: References, span: Range) -> list[tu
 
 
 def _prove_levels(
-    question: Question, asked: Sequence[tuple[HeldMotion, Terms]], hints: Sequence[PieceHints], effort: Budget
+    question: Question, motions: Sequence[tuple[HeldMotion, Terms]], hints: Sequence[PieceHints], effort: Budget
 ) -> list[_Sizes]:
-    if len(asked) != len(hints):
-        raise Broken(f"robustness: expected hints for {len(asked)} ranges of levels, got {len(hints)}")
+    if len(motions) != len(hints):
+        raise Broken(f"robustness: expected hints for {len(motions)} ranges of levels, got {len(hints)}")
     vehicle, found = question.model.vehicle, []
-    for (motion, terms), own in zip(asked, hints, strict=True):
+    for (motion, terms), own in zip(motions, hints, strict=True):
         enclosures = prove_enclosures(own.enclosures, vehicle.graph.functions(), effort)
         slopes = derivatives_of(vehicle.graph, vehicle.states)
         derivatives = prove_enclosures(own.derivatives, slopes, effort)
-        told = replace(motion, whitening=own.whitening, enclosures=enclosures, derivatives=derivatives)
-        found.append(_prove_sizes(told, terms, own.cells, effort))
+        hinted = replace(motion, whitening=own.whitening, enclosures=enclosures, derivatives=derivatives)
+        found.append(_prove_sizes(hinted, terms, own.cells, effort))
     return found
 
 
@@ -233,15 +233,15 @@ def _prove_sizes(
             swiftness = max(swiftness, motion.swiftness(vertex))
         effort.spend(LARGEST_EFFORT - motion.domain.budget.left)
     piece = motion.piece
-    own = abs(piece.timing[1]) * motion.parameters[TIMING][1] * swiftness
+    own = abs(piece.timing.slope) * motion.parameters[TIMING][1] * swiftness
     return _Sizes(
         level=piece.upper,
-        least_drop=piece.least_drop,
+        least_weight=piece.least_weight,
         rise=margins[1],
         bend=margins[2],
         slopes=tuple(slopes),
         speeds=tuple(speeds),
-        stir=own + terms.wander / piece.least_drop,
+        stir=own + terms.wander / piece.least_weight,
         terms=terms,
     )
 

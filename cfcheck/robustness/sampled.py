@@ -13,8 +13,8 @@ s ≤ h. What has to be shown is that for every deviation some u of the set has
 
 Then V never rises above 1, and on the shell it falls at λ' from one choice to the next, however long each hold is.
 
-The derivatives are exact polynomials (`cfcheck.robustness.derivatives`), and what is asked of them is put range by
-range of q = xᵀ C x (`cfcheck.robustness.ranges`).
+The derivatives are exact polynomials (`cfcheck.robustness.derivatives`); the inequalities are stated for each range of
+q = xᵀ C x (`cfcheck.robustness.ranges`).
 
 **The cut.** Where some input does it, a tree says: each fork holds a polynomial, and the deviations where it is not
 negative go one way, all others the other way. Whatever the polynomials are, the leaves cover the range. A leaf names
@@ -79,7 +79,7 @@ Tree = Leaf | Fork
 
 @dataclass(frozen=True)
 class RangeHints:
-    """For one range of q; `bends` proves R_u for each input, trees are there where something is asked (`parts`)."""
+    """For one range of q; `bends` proves R_u for each input, `trees` has one for each part."""
 
     whitening: Matrix
     enclosures: EnclosureHints  # by the number of the function among those of the dynamics
@@ -126,16 +126,16 @@ def prove_sampled(leg: SteadyLeg, claim: SampledClaim, hints: Sequence[RangeHint
     _require_sense(leg, claim)
     if leg.gap is not None:
         _prove_lap(leg, leg.gap, claim)
-    asked = list(held_ranges(leg, claim))
-    if len(asked) != len(hints):
-        raise Broken(f"sampled: expected hints for {len(asked)} ranges of q, got {len(hints)}")
+    ranges = list(held_ranges(leg, claim))
+    if len(ranges) != len(hints):
+        raise Broken(f"sampled: expected hints for {len(ranges)} ranges of q, got {len(hints)}")
     functions = {number: name for number, (name, _) in enumerate(leg.dynamics.functions.values())}
-    for index, ((held, parts), own) in enumerate(zip(asked, hints, strict=True)):
+    for index, ((held, parts), own) in enumerate(zip(ranges, hints, strict=True)):
         if len(own.trees) != len(parts) or len(own.bends) != len(claim.choices):
             raise Broken(f"sampled: in range {index} of q the hints are not for what is asked there")
         enclosures = prove_enclosures(own.enclosures, functions, effort)
-        told = replace(held, whitening=own.whitening, enclosures=enclosures)
-        proof = _Proof(told, claim, f"sampled, range {index} of q", effort)
+        hinted = replace(held, whitening=own.whitening, enclosures=enclosures)
+        proof = _Proof(hinted, claim, f"sampled, range {index} of q", effort)
         for choice, bend in enumerate(own.bends):
             proof.bend(choice, bend)
         if claim.start_up is not None:
@@ -203,7 +203,7 @@ class _Proof:
             raise Broken(f"{self.where}: V may rise faster than stated until the first pose is there")
 
     def tree(self, part: Part, tree: Tree, forks: tuple[fmpq_mpoly, ...]) -> None:
-        """What is asked of a part, on all leaves of its tree."""
+        """The inequalities of a part, on all leaves of its tree."""
         if isinstance(tree, Fork):
             here = self.held.fork(tree.coefficients)
             self.tree(part, tree.above, (*forks, here))

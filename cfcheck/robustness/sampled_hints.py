@@ -19,7 +19,7 @@ RANGES_WITHOUT_CUTS = 3
 MOST_FORKS = 24  # on the way to one leaf
 LONGEST_FORK = 256  # bits of each coefficient: every leaf below multiplies by them
 START_UP = "start_up"
-PARTS = 2  # of what is asked on a range: inside the shell, and on it
+PARTS = 2  # of a range: inside the shell, and on it
 
 
 def read_sampled(item: Item, states: int, room: Room) -> tuple[SampledClaim, tuple[RangeHints, ...]]:
@@ -52,8 +52,8 @@ def _with_start(
     delay, choice, rise, proofs = item.record("delay", "choice", "rise", "proofs")
     start_up = StartUp(delay.positive(), choice.integer(0, len(claim.choices) - 1), rise.positive())
     each = (_proof(entry, states, BEND_DEGREES, 0, room) for entry in proofs.items(len(hints), len(hints)))
-    told = tuple(replace(own, rise=proof) for own, proof in zip(hints, each, strict=True))
-    return replace(claim, start_up=start_up), told
+    with_rise = tuple(replace(own, rise=proof) for own, proof in zip(hints, each, strict=True))
+    return replace(claim, start_up=start_up), with_rise
 
 
 def _rationals(item: Item, most: int, least: int = 1) -> tuple[fmpq, ...]:

@@ -11,13 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from flint import fmpq, fmpq_mat, fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
+from cfcheck.exact.definite import exact_matrix
 from cfcheck.exact.rational import Matrix, Range, sqrt_upper
 from cfcheck.exact.symbolic import Symbolic
 from cfcheck.kernel.level import LevelPiece
 from cfcheck.reader import Broken
-from cfcheck.robustness.hold import ASKED, REFERENCE, TIMING
+from cfcheck.robustness.hold import FROZEN, REFERENCE, TIMING
+from cfcheck.robustness.term_bounds import TermBounds, slopes_of
 
 
 def require_affine(dynamics: Symbolic, parameters: Mapping[str, Range]) -> None:
@@ -51,18 +53,22 @@ class Terms:
     @cached_property
     def ranges(self) -> dict[str, Range]:
         """Of states and parameters."""
-        inverse = fmpq_mat([list(row) for row in self.shape]).inv()
+        inverse = exact_matrix(self.shape).inv()
         widths = [sqrt_upper(self.piece.upper * inverse[j, j]) for j in range(len(self.shape))]
         return {name: (-width, width) for name, width in zip(self.states, widths, strict=True)} | {**self.parameters}
 
     def size(self, polynomial: fmpq_mpoly) -> fmpq:
-        """|polynomial| at most."""
-        return self.dynamics.size(polynomial, self.ranges)
+        """A rational that is at least |polynomial|."""
+        return TermBounds(self.dynamics, self.ranges).size(polynomial)
+
+    def derivative(self, polynomial: fmpq_mpoly, name: str) -> fmpq_mpoly:
+        """∂/∂(a state or parameter)."""
+        return slopes_of(self.dynamics).derivative(polynomial, name)
 
     @cached_property
     def spare(self) -> fmpq:
         """What V̈/σ may be above its largest value at a vertex beside a steady reference."""
-        linear = {name for asked in self.jumps for name in (asked, asked.replace(ASKED, REFERENCE))}
+        linear = {name for frozen in self.jumps for name in (frozen, frozen.replace(FROZEN, REFERENCE))}
         varying = {name: upper - lower for name, (lower, upper) in self.parameters.items() if name not in linear}
         rests = (self.rest(name) * width**2 / 4 for name, width in varying.items() if width)
         return sum(rests, self.wander)
@@ -70,7 +76,7 @@ class Terms:
     @cached_property
     def jumps(self) -> dict[str, fmpq]:
         """Parameters at which V̇ is looked at, with the widths of their intervals."""
-        return {name: upper - lower for name, (lower, upper) in self.parameters.items() if name.startswith(ASKED)}
+        return {name: upper - lower for name, (lower, upper) in self.parameters.items() if name.startswith(FROZEN)}
 
     @cached_property
     def wander(self) -> fmpq:
@@ -85,7 +91,7 @@ class Terms:
     def gain(self, name: str) -> fmpq:
         """|∂V̇/∂(parameter)|/σ."""
         if name not in self._gains:
-            self._gains[name] = self._uphill([self.dynamics.derivative(rate, name) for rate in self.dynamics.rates])
+            self._gains[name] = self._uphill([self.derivative(rate, name) for rate in self.dynamics.rates])
         return self._gains[name]
 
     def _uphill(self, direction: Sequence[fmpq_mpoly]) -> fmpq:
@@ -100,25 +106,25 @@ class Terms:
         With V's own rate, u0² has 2 k ∇q·b as well; the squares 2 bᵀCb and k² q are left out.
         """
         dynamics = self.dynamics
-        b = [dynamics.derivative(rate, name) for rate in dynamics.rates]
+        b = [self.derivative(rate, name) for rate in dynamics.rates]
         if name == TIMING and self.jumps:
             return self._rest_apart(b)
         turned = []
         for entry in b:
-            slopes = (dynamics.derivative(entry, state) for state in self.states)
+            slopes = (self.derivative(entry, state) for state in self.states)
             terms = (dynamics.domain.product(one, two) for one, two in zip(slopes, b, strict=True))
             turned.append(sum(terms, dynamics.domain.ring.constant(0)))
-        own = 2 * abs(self.piece.timing[1]) * self._uphill(b) if name == TIMING else fmpq(0)
+        own = 2 * abs(self.piece.timing.slope) * self._uphill(b) if name == TIMING else fmpq(0)
         return self._uphill(turned) + own
 
     def _rest_apart(self, b: Sequence[fmpq_mpoly]) -> fmpq:
         """The same of u0², where b(r) and b(r') differ: 2 b(r)ᵀC b(r') ≥ −½ (b(r) − b(r'))ᵀC (b(r) − b(r'))."""
-        dynamics, each = self.dynamics, range(len(b))
+        each = range(len(b))
         size = [self.size(entry) for entry in b]
         gradient = [2 * sqrt_upper(self.piece.upper * self.shape[j][j]) for j in each]
         turned = sum(
             (
-                gradient[i] * self.size(dynamics.derivative(b[i], state)) * size[j]
+                gradient[i] * self.size(self.derivative(b[i], state)) * size[j]
                 for i in each
                 for j, state in enumerate(self.states)
             ),
@@ -127,7 +133,7 @@ class Terms:
         apart = [
             sum(
                 (
-                    width * self.size(dynamics.derivative(entry, name.replace(ASKED, REFERENCE)))
+                    width * self.size(self.derivative(entry, name.replace(FROZEN, REFERENCE)))
                     for name, width in self.jumps.items()
                 ),
                 fmpq(0),

@@ -1,7 +1,7 @@
 """What a vehicle's graph has to show for a few extreme references to speak for every path within bounds.
 
 Along a path of curvature κ, speed v and acceleration a = dv/dθ the turning rate is κ v, and the rate of the deviation
-x at the inputs u = (u0, …) is asked to have the form
+x at the inputs u = (u0, …) has to have the form
 
     f(x, u; κ, v, a) = f₀(x, u; v) + u0 (κ v g(x) + a h(x))                                               (*)
 
@@ -27,6 +27,7 @@ matrices M and N of signs, and the interval of κ, V and the box of inputs are t
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from math import comb
 
 from flint import fmpq, fmpq_mpoly
@@ -41,6 +42,7 @@ TURN_RATE_SLOPE, SPEED_SLOPE = "reference:turn_rate_slope", "reference:speed_slo
 PARITY = {"sin": -1, "cos": 1, "tan": -1, "inv": -1}  # the square root is neither even nor odd
 
 
+@lru_cache(maxsize=256)  # one for each vehicle of a file; every leg and stretch asks
 def require_tube_structure(dynamics: Symbolic) -> None:
     """Raises Broken unless the dynamics have the form (*), with g and h functions of the state alone."""
     states = {name for name in dynamics.names if ":" not in name}
@@ -72,6 +74,7 @@ def has_tube_structure(dynamics: Symbolic) -> bool:
     return True
 
 
+@lru_cache(maxsize=256)
 def require_affine_reference(dynamics: Symbolic) -> None:
     """Raises Broken unless the rates are affine in each of κ, v, a and κ' by itself, for ω = κ v and ω' = κ' v + κ a.
 

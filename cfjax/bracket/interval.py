@@ -1,6 +1,6 @@
 """Intervals with their derivatives by the unknowns of a search, many at once, in floating point: hints, not proofs.
 
-The counterpart of `cfcheck.exact.dual`, with the same operations: what is decided here is shown there again.
+The counterpart of `cfcheck.margin.dual`, with the same operations: what is decided here is shown there again.
 """
 
 from dataclasses import dataclass

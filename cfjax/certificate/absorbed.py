@@ -6,8 +6,8 @@ from flint import fmpq
 
 from cfcheck import Report
 from cfcheck.exact.rational import float_below, rational
-from cfcheck.robustness.amounts import Absorbed as ProvenAmounts
-from cfcheck.robustness.amounts import Robustness as Proven
+from cfcheck.robustness.amounts import AbsorbedClaim as ProvenAmounts
+from cfcheck.robustness.amounts import ProvenRobustness as Proven
 from cfcheck.robustness.ranges import SampledClaim
 from cfjax.exact import tube_within
 from cfjax.result import Absorbed, Result, Robustness, Sampled

@@ -8,7 +8,7 @@ from typing import Any
 from flint import fmpq
 
 from cfcheck.exact.rational import float_below
-from cfcheck.robustness.amounts import MOST, Absorbed, BoundsOver, Keeps, Rates, Stated, least_level
+from cfcheck.robustness.amounts import MOST, AbsorbedClaim, BoundsOver, Keeps, Rates, Stated, least_level
 
 
 PERIOD, DISTURBANCE, POSE, DELAY = (fmpq(part, 10) for part in (4, 2, 2, 2))  # of λ', where all come together
@@ -27,7 +27,7 @@ def largest_amounts(bounds: BoundsOver) -> Stated:
     if not alone.period:
         raise ValueError("robustness: V has no room to rise while inputs are held")
     count = len(alone.disturbance)
-    wanted = Absorbed(
+    wanted = AbsorbedClaim(
         period=PERIOD * alone.period,
         disturbance=tuple(DISTURBANCE * value / count for value in alone.disturbance),
         pose_error=tuple(POSE * value / count for value in alone.pose_error),
@@ -39,10 +39,10 @@ def largest_amounts(bounds: BoundsOver) -> Stated:
     return Stated(alone, _largest(bounds.keeps, wanted), by_speed)
 
 
-def _each_alone(rates: Sequence[Rates], keeps: Keeps) -> Absorbed:
+def _each_alone(rates: Sequence[Rates], keeps: Keeps) -> AbsorbedClaim:
     states = range(len(rates[0].slopes))
     rising = [min(_quotient(1 - one.inner, one.rise), one.horizon) for one in rates]
-    wanted = Absorbed(
+    wanted = AbsorbedClaim(
         period=min(*rising, *(_quotient(2 * one.decrease, one.bend) for one in rates)),
         disturbance=tuple(min(_quotient(one.decrease, one.gradient[i]) for one in rates) for i in states),
         pose_error=tuple(min(_quotient(one.decrease, one.slopes[i]) for one in rates) for i in states),
@@ -52,7 +52,7 @@ def _each_alone(rates: Sequence[Rates], keeps: Keeps) -> Absorbed:
     def by_state(name: str) -> tuple[fmpq, ...]:
         return tuple(getattr(_largest(keeps, wanted.alone(name, i)), name)[i] for i in states)
 
-    return Absorbed(
+    return AbsorbedClaim(
         period=_largest(keeps, wanted.alone("period")).period,
         disturbance=by_state("disturbance"),
         pose_error=by_state("pose_error"),
@@ -65,7 +65,7 @@ def _quotient(amount: fmpq, bound: fmpq) -> fmpq:
     return min(amount / bound, MOST) if bound else MOST
 
 
-def _largest(keeps: Keeps, wanted: Absorbed) -> Absorbed:
+def _largest(keeps: Keeps, wanted: AbsorbedClaim) -> AbsorbedClaim:
     """The wanted amounts, or a large part of them that is absorbed; floating-point numbers."""
     best, factor, step = wanted.scaled(fmpq(0)), fmpq(1), fmpq(1)
     for _ in range(HALVINGS):
@@ -80,11 +80,11 @@ def _largest(keeps: Keeps, wanted: Absorbed) -> Absorbed:
     return best
 
 
-def _rounded(amounts: Absorbed) -> Absorbed:
+def _rounded(amounts: AbsorbedClaim) -> AbsorbedClaim:
     def down(value: fmpq) -> fmpq:
         return fmpq(*float_below(value).as_integer_ratio())  # its decimal may be above it
 
-    return Absorbed(
+    return AbsorbedClaim(
         down(amounts.period),
         tuple(map(down, amounts.disturbance)),
         tuple(map(down, amounts.pose_error)),
@@ -101,7 +101,7 @@ def write_amounts(stated: Stated) -> dict[str, Any]:
     }
 
 
-def _written(amounts: Absorbed) -> dict[str, Any]:
+def _written(amounts: AbsorbedClaim) -> dict[str, Any]:
     return {
         "period": str(amounts.period),
         "disturbance": [str(value) for value in amounts.disturbance],

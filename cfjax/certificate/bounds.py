@@ -6,8 +6,8 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 from flint import fmpq
 
-from cfcheck.claims.legs import Leg
 from cfcheck.exact.rational import Range, float_below, rational
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfjax.certificate.stretches import bounded

@@ -17,15 +17,15 @@ from typing import Any, NamedTuple
 from flint import fmpq
 
 from cfcheck import Outcome, check_document
+from cfcheck.claims.assumptions import require_supported
 from cfcheck.claims.document import Claims, LegClaim
 from cfcheck.claims.hints import MOST_GRAM_ENTRIES
-from cfcheck.claims.legs import Joint, from_zero, gaps
-from cfcheck.claims.meaning import require_meaning
 from cfcheck.claims.problem import ProblemClaim, read_problem
 from cfcheck.claims.proof import prove_sets
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import float_below
 from cfcheck.exact.symbolic import symbolic
+from cfcheck.kernel.legs import Joint, from_zero, gaps
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece
 from cfcheck.reader import Broken, Unreadable
@@ -100,7 +100,7 @@ def statement_of(problem: Problem) -> Statement:
     written = write_problem(problem, graph)
     try:
         claim = read_problem(written)
-        require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
+        require_supported(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
     except Broken as error:
         raise InputError(str(error)) from None
     except Unreadable as error:

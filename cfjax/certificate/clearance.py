@@ -4,7 +4,7 @@ At one θ the clearance along a unit normal n is min_c n·c − R − r − h(n)
 function of n it is concave and homogeneous, so that where it is positive for some direction it has one peak, which a
 fan of directions finds.
 
-The checker's bound of first order (`cfcheck.kernel.sweep`) is cheap, and serves all hulls: `reaches` is the same
+The checker's bound of first order (`cfcheck.clearance.sweep`) is cheap, and serves all hulls: `reaches` is the same
 formula on arrays, for all pieces of a path and all directions of the fan at once. A piece on which some direction
 separates each hull by it is done; pieces that follow each other share their normals as long as these do. Where a hull
 is nearer than that, the piece is looked at by samples, cut where directions have to change, and the checker looks
@@ -18,19 +18,19 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from cfcheck.claims.legs import Leg
-from cfcheck.claims.surroundings import (
+from cfcheck.clearance.surroundings import (
     CLEARANCE_EFFORT,
     MOST_NORMALS,
     Blocked,
     Body,
-    Clearance,
+    ClearanceHints,
     ClearStretch,
-    Surroundings,
+    SurroundingsClaim,
     shadows_of,
 )
+from cfcheck.clearance.sweep import Nearby, Normal
 from cfcheck.exact.enclosure import Budget
-from cfcheck.kernel.sweep import Nearby, Normal
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
 from cfjax.certificate.hulls import FAN, Along, Fan, FunnelDisc, Hulls, levels_of, rows_of
@@ -56,8 +56,8 @@ class NotClear(ValueError):
 
 
 def find_clearance(
-    surroundings: Surroundings, legs: Sequence[Leg], hulls: Hulls | None = None, along: Along | None = None
-) -> Clearance:
+    surroundings: SurroundingsClaim, legs: Sequence[Leg], hulls: Hulls | None = None, along: Along | None = None
+) -> ClearanceHints:
     """Stretches with normals along every leg that `prove_surroundings` accepts; none where there is nothing to clear.
 
     `hulls` and `along`, of the legs' whole path, are given by whoever has them.

@@ -1,7 +1,7 @@
 """What there is to clear, and how far a body reaches, on arrays: the checker's geometry in floating point.
 
-`reaches` is the checker's bound of first order (`cfcheck.kernel.sweep`), for all pieces of a path and all directions of
-a fan at once; `Disc.reach` is how far a disc gets at single poses, without what its turn adds in higher orders.
+`reaches` is the checker's bound of first order (`cfcheck.clearance.sweep`), for all pieces of a path and all directions
+of a fan at once; `Disc.reach` is how far a disc gets at single poses, without what its turn adds in higher orders.
 """
 
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
-from cfcheck.claims.legs import Leg
-from cfcheck.kernel.clearance import ObstacleClaim, Shadow
-from cfcheck.kernel.sweep import Normal
+from cfcheck.clearance.half_plane import ObstacleClaim, Shadow
+from cfcheck.clearance.sweep import Normal
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose, Reference
 from cfjax.funnel.template import template_named
@@ -133,7 +133,7 @@ class FunnelDisc(NamedTuple):
 
     @property
     def form(self) -> tuple[float, float, float]:
-        """N by its entries aa, ab and bb (`cfcheck.kernel.sweep`)."""
+        """N by its entries aa, ab and bb (`cfcheck.clearance.sweep`)."""
         s, o = self.spread, self.offset
         return o * o * s[0, 0] - 2 * o * s[0, 1] + s[1, 1], s[1, 2] - o * s[0, 2], s[2, 2]
 

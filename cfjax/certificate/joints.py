@@ -1,12 +1,12 @@
-"""How much wider the next funnel is: the ratios that joints state (`cfcheck.claims.legs`), sought here."""
+"""How much wider the next funnel is: the ratios that joints state (`cfcheck.kernel.legs`), sought here."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from flint import fmpq
 
-from cfcheck.claims.legs import is_wider
 from cfcheck.exact.rational import Matrix, rational
+from cfcheck.kernel.legs import is_wider
 
 
 SLACKS = (1e-9, 1e-6, 1e-3)  # below the largest ratio, which lies on the edge of what exact arithmetic confirms

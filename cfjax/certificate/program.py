@@ -32,7 +32,7 @@ def program_of(claim: FunnelProgram, cell: object) -> Program:
     order = 2 * max(degrees)
     target, drop, *constraints = (
         coefficients(polynomial, order)
-        for polynomial in (claim.target(cell), claim.drop(cell), *claim.constraints(cell))
+        for polynomial in (claim.target(cell), claim.weight(cell), *claim.constraints(cell))
     )
     return Program(len(claim.states), degrees, target, drop, np.array(constraints).reshape(-1, len(target)))
 

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 from flint import fmpq
 
 from cfcheck import Outcome, check_document
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.exact.rational import rational
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.level import LEVELS
 from cfjax.certificate.certifier import Certification, legs_of
 from cfjax.certificate.rounding import exact

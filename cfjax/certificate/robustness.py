@@ -16,15 +16,15 @@ from flint import fmpq
 
 from cfcheck.claims.document import Certificate, Claims, read_certificate
 from cfcheck.claims.hints import MOST_STRETCHES
-from cfcheck.claims.legs import Leg
 from cfcheck.claims.proof import Question
 from cfcheck.exact.enclosure import LARGEST_EFFORT, Enclosure, UnaryEnclosure
 from cfcheck.exact.rational import rational
+from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.program import CellProof
 from cfcheck.path.bounds import Bounds
 from cfcheck.replay import stated_and_proven
-from cfcheck.robustness.amounts import Absorbed, Stated
-from cfcheck.robustness.descent import held_question, told_of
+from cfcheck.robustness.amounts import AbsorbedClaim, Stated
+from cfcheck.robustness.descent import held_question, law_numbers_of
 from cfcheck.robustness.hold import ORDERS, HeldCell, HeldMotion, derivatives_of
 from cfcheck.robustness.hold_hints import CLAIM, DEGREES, SAMPLED
 from cfcheck.robustness.rate_bounds import motions, motions_within
@@ -107,12 +107,12 @@ def _funnel_hints(certificate: Certificate, index: int, solver: Solver) -> dict[
     claims, own = certificate.claims, certificate.hints[index]
     model, legs, course = claims.models[index], claims.legs_of(index), claims.problem.course
     if own.duration is not None:
-        question = held_question(claims, index, own.mirror, told_of(claims.driven[index], None))
+        question = held_question(claims, index, own.mirror, law_numbers_of(claims.driven[index], None))
         ends = [stretch.end for stretch in own.stretches if stretch.end is not None]
         return {"bounds": None, "stretches": hints_along(question, legs, ends, solver)}
     held = model.as_driven(own.stretches[0].bounds)
     bounds = course if isinstance(course, Bounds) else bounds_along(legs, held)
-    question = held_question(claims, index, own.mirror, told_of(claims.driven[index], bounds))
+    question = held_question(claims, index, own.mirror, law_numbers_of(claims.driven[index], bounds))
     as_proven = model.as_proven(bounds)
     return {"bounds": write_bounds(bounds), "stretches": hints_within(question, as_proven, solver)}
 
@@ -125,7 +125,7 @@ def _with_amounts(document: dict[str, Any], funnels: list[dict[str, Any]], claim
         return with_hash(CLAIM, content)
 
     none = (fmpq(0),) * len(claims.problem.vehicle.states)
-    nothing = Absorbed(fmpq(0), none, none, fmpq(0))
+    nothing = AbsorbedClaim(fmpq(0), none, none, fmpq(0))
     _, bounds = stated_and_proven(document, file(Stated(nothing, nothing, ())))
     return file(largest_amounts(bounds))
 

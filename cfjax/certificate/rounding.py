@@ -7,8 +7,8 @@ import numpy as np
 from flint import fmpq
 from jaxtyping import Float
 
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.exact.rational import Matrix, rational
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.level import LEVELS, Level
 from cfcheck.kernel.program import Gram
 from cfjax.funnel import Funnel

@@ -202,7 +202,7 @@ def _gram_degrees(question: SteadyDecrease) -> tuple[int, ...]:
 
     An authority of a high degree is cut, for its Gram matrix to have more than a constant.
     """
-    sides = (side for cell in question.cells() for side in (question.target(cell), question.drop(cell)))
+    sides = (side for cell in question.cells() for side in (question.target(cell), question.weight(cell)))
     order = -(-max(int(side.total_degree()) for side in sides) // 2)
     slopes = [_side_degree(question, name) for name in question.signed_inputs]
     least = min(1, order - 1)

@@ -6,15 +6,15 @@ from typing import Any
 
 from flint import fmpq
 
+from cfcheck.claims.assumptions import closes
 from cfcheck.claims.document import CLAIMS, FORMAT, HINTS, VERSION, WITNESS, LegClaim, document_hash
-from cfcheck.claims.funnel import FunnelClaim
 from cfcheck.claims.hints import CellHints, CellKey
-from cfcheck.claims.meaning import closes
 from cfcheck.exact.enclosure import UnaryEnclosure
 from cfcheck.exact.graph import Graph, Node
 from cfcheck.exact.rational import Range, rational
 from cfcheck.exact.symbolic import symbolic
 from cfcheck.kernel.decrease import SteadyDecrease
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.program import Gram
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.piece import Piece

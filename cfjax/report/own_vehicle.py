@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from cfjax.certificate.trace import trace_deviation
-from cfjax.certificate.writing import write_vehicle
 from cfjax.conf import Config, CustomConfig, own_vehicle
 from cfjax.errors import InputError
 from cfjax.problem import Problem, Vehicle
@@ -31,6 +29,9 @@ def named_vehicle(folder: Path, config: Config, target: str | None) -> Vehicle |
 
 def speaks_of(document: dict[str, Any], vehicle: Vehicle) -> bool:
     """Whether a certificate's vehicle, with its dynamics, is this one."""
+    from cfjax.certificate.trace import trace_deviation  # here: a run does not wait for the proof's imports
+    from cfjax.certificate.writing import write_vehicle
+
     return document.get("problem", {}).get("vehicle") == write_vehicle(vehicle, trace_deviation(vehicle))
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -10,14 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from cfjax import coerce
-from cfjax.planner import Plan
 from cfjax.report.draw import draw, handles
 from cfjax.report.marks import Panel
 from cfjax.report.panels import shown_of
-from cfjax.report.planned import plan_panel
 from cfjax.report.style import PAPER, STYLE, WIDTHS
 from cfjax.result import Result
 from cfjax.rounded import margin_text
+
+
+if TYPE_CHECKING:  # a run does not wait for the planner's imports
+    from cfjax.planner import Plan
 
 
 POINTS = 100_000  # of all cars together
@@ -45,7 +48,7 @@ def save_picture(result: Result, path: Path, width: str | float | None = None) -
 
 
 def plot(
-    result: Result | Plan, panel: str | None = None, axes: Axes | None = None, width: str | float | None = None
+    result: "Result | Plan", panel: str | None = None, axes: Axes | None = None, width: str | float | None = None
 ) -> Figure:
     """The funnels along a path, or a tube, and the cars that were driven through, as a Matplotlib figure.
 
@@ -62,8 +65,6 @@ def plot(
     Raises:
         InputError: where the result has no such panel.
     """
-    if not isinstance(result, Plan):
-        coerce.instance("result", result, Result)
     coerce.optional("axes", axes, Axes)
     wide = None if width is None else _inches(width)
     with matplotlib.rc_context(PAPER if wide else STYLE):
@@ -72,7 +73,7 @@ def plot(
             figure = axes.get_figure(root=True)
             assert figure is not None
             return figure
-        if isinstance(result, Plan):
+        if not isinstance(result, Result):
             figure = _mapped(_panel(result, panel), wide or WIDTH)
         elif panel is None:
             figure = _whole(result, wide)
@@ -89,9 +90,13 @@ def _inches(width: str | float) -> float:
     return CM * coerce.number("width", known, "cm", least=LEAST_WIDTH, most=MOST_WIDTH)
 
 
-def _panel(result: Result | Plan, name: str | None) -> Panel:
-    if isinstance(result, Plan):
-        found = plan_panel(result)
+def _panel(result: "Result | Plan", name: str | None) -> Panel:
+    if not isinstance(result, Result):
+        from cfjax.planner import Plan
+        from cfjax.report.planned import plan_panel
+
+        said = "a Result, such as what cfjax.synthesize(problem) returns, or a Plan of cfjax.plan"
+        found = plan_panel(result if isinstance(result, Plan) else coerce.refuse("result", said, result))
         return {found.name: found}[coerce.one_of("panel", name or found.name, (found.name,))]
     panels = {panel.name: panel for group in shown_of(result, POINTS).panels.values() for panel in group}
     return panels[coerce.one_of("panel", name, panels)]

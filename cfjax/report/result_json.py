@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from cfcheck.claims.containment import half_widths
 from cfcheck.exact.rational import float_below
+from cfcheck.kernel.containment import half_widths
 from cfcheck.robustness.amounts import SHARE
 from cfjax.funnel import Funnel, template_named
 from cfjax.problem import Disc, Ellipsoid, FeedbackLaw, Interval, Obstacle, Problem, Tube, Wall

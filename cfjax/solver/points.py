@@ -11,7 +11,6 @@ from functools import cache, reduce
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import qr, solve_triangular
 
 from cfcheck.kernel.program import monomials
 
@@ -42,6 +41,8 @@ class Space:
 @cache
 def space(variables: int, degree: int) -> Space:
     """Once for all programs with these numbers of variables and this degree."""
+    from scipy.linalg import qr  # here: a run does not wait for what it needs while it learns
+
     rng = np.random.default_rng(SEED)
     count = len(monomials(variables, degree))
     cloud = rng.normal(size=(CLOUD * count, variables))
@@ -54,6 +55,8 @@ def space(variables: int, degree: int) -> Space:
 
 @cache
 def _basis(own: Space, degree: int) -> tuple[Float[np.ndarray, "u m"], Float[np.ndarray, "m m"]]:
+    from scipy.linalg import solve_triangular
+
     orthonormal, upper = np.linalg.qr(vandermonde(own.points, degree))
     size = np.sqrt(len(own.points))
     return orthonormal * size, solve_triangular(upper, np.eye(len(upper))) * size

@@ -2,7 +2,7 @@
 
 A tube is an invariant funnel {V(x) = xᵀ C x ≤ 1} that holds along every path whose curvature κ = ω_r/v_r, speed v_r and
 acceleration dv_r/dθ stay inside its bounds. Numbers are exact, and what is chosen with them is proven by
-`cfcheck.claims.legs`.
+`cfcheck.kernel.legs`.
 """
 
 from collections.abc import Mapping
@@ -14,9 +14,10 @@ from typing import NamedTuple
 from flint import fmpq, fmpq_mat
 
 from cfcheck.claims.document import read_claims
-from cfcheck.claims.funnel import FunnelClaim, contraction_way, metres
-from cfcheck.claims.legs import Leg
-from cfcheck.exact.rational import Matrix, Range, about, is_positive_definite
+from cfcheck.exact.definite import is_positive_definite
+from cfcheck.exact.rational import Matrix, Range, about
+from cfcheck.kernel.funnel import FunnelClaim, contraction_way, metres
+from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.level import Contracting
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.reference import Reference

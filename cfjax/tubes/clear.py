@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cfcheck.claims.surroundings import Body, Clearance, Surroundings, shadows_of
+from cfcheck.clearance.surroundings import Body, ClearanceHints, SurroundingsClaim, shadows_of
+from cfcheck.clearance.sweep import Nearby
 from cfcheck.exact.enclosure import Budget
-from cfcheck.kernel.sweep import Nearby
 from cfcheck.path.reference import Reference
 from cfjax.certificate.clearance import SAFE, NotClear, SeparationSearch, find_clearance
 from cfjax.certificate.hulls import FAN, ROUGH, Along, FunnelDisc, Hulls, levels_of, rows_of
@@ -27,9 +27,9 @@ def choose_clear(
     reference: Reference,
     tubes: Sequence[CertifiedTube],
     holds: Holds,
-    surroundings: Surroundings,
+    surroundings: SurroundingsClaim,
     choose: Callable[[Holds], Chain],
-) -> tuple[Chain, Clearance]:
+) -> tuple[Chain, ClearanceHints]:
     """A chain in whose tubes the body is clear of its surroundings, with half-planes that prove it.
 
     `choose` finds the best chain among the places that are left to each tube. Where half-planes are not found the place
@@ -65,7 +65,7 @@ class _Places:
     """Where tubes hold the path and leave the body room; `holds` loses the places where they do not."""
 
     reference: Reference
-    surroundings: Surroundings
+    surroundings: SurroundingsClaim
     hulls: Hulls
     along: Along
     holds: Holds

@@ -2,7 +2,7 @@
 
 Each tube holds along every path within its intervals. So nothing is optimised for a path: it is cut into pieces, each
 piece asks which tubes hold it, and a chain is the cheapest way through them, where a tube can only be left for one that
-holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfcheck.claims.legs` proves
+holds all that is left of it after the distance it has had (`cfjax.tubes.choice` chooses, `cfcheck.kernel.legs` proves
 each of these claims).
 """
 
@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpq
 
-from cfcheck.claims.legs import Joint, prove_joints
-from cfcheck.claims.surroundings import Clearance, Surroundings
+from cfcheck.clearance.surroundings import ClearanceHints, SurroundingsClaim
 from cfcheck.exact.rational import Range, float_below, rational, sqrt_upper
+from cfcheck.kernel.legs import Joint, prove_joints
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import LARGEST_POSE_GAP, LARGEST_SPEED_GAP, Gap, Reference, is_closed
 from cfjax.coerce import Numbers, flag, instance, instances, number, optional, text, whole
@@ -93,8 +93,8 @@ class Following:
     ratios: tuple[fmpq, ...]
     timing: Range  # of all tubes together
     vehicle: Vehicle | None = None  # that drives, where it is known
-    surroundings: Surroundings = Surroundings()  # what the body clears in every tube
-    clearance: Clearance = ()  # half-planes that prove it, by run
+    surroundings: SurroundingsClaim = SurroundingsClaim()  # what the body clears in every tube
+    clearance: ClearanceHints = ()  # half-planes that prove it, by run
 
     def __post_init__(self) -> None:
         instance("path", self.path, Path)
@@ -244,7 +244,7 @@ def follow(
         raise InputError(f"path {path.name}: {error}") from None
 
 
-def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: Surroundings) -> Following:
+def _follow(path: Path, tubes: tuple[CertifiedTube, ...], closed: bool, surroundings: SurroundingsClaim) -> Following:
     statements = [stated(segment) for segment in path.require_course()]
     reference = _cut(exact_reference(statements))
     pieces = reference.pieces

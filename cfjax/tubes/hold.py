@@ -13,10 +13,10 @@ import numpy as np
 from flint import fmpq
 
 from cfcheck import Outcome, check_document
-from cfcheck.claims.containment import Sets, broken_containments
-from cfcheck.claims.legs import Leg
 from cfcheck.claims.problem import MOST_PIECES
 from cfcheck.exact.rational import float_below
+from cfcheck.kernel.containment import Sets, broken_containments
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.reference import Reference
 from cfcheck.vehicle.model import STATES
 from cfjax.certificate.bounds import bounds_along, bounds_of_pieces

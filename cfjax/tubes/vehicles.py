@@ -45,7 +45,7 @@ def for_vehicle(tube: CertifiedTube, vehicle: Vehicle) -> CertifiedTube | None:
 
 
 def scaled(tube: CertifiedTube, length: fmpq, speed: fmpq) -> CertifiedTube:
-    """The tube of the similar car: lengths multiplied by `length`, speeds by `speed` (`cfcheck.claims.funnel`).
+    """The tube of the similar car: lengths multiplied by `length`, speeds by `speed` (`cfcheck.kernel.funnel`).
 
     Raises:
         ValueError: for scales that are not positive, or a vehicle of which no similar one is known.

@@ -10,7 +10,7 @@ from flint import fmpq
 
 import cfjax
 from cfcheck import Outcome, check_document
-from cfcheck.exact.dual import Dual, constant
+from cfcheck.margin.dual import Dual, constant
 from cfcheck.margin.upper_bound import Leaf, Row, leaf_holds
 from cfcheck.margin.upper_bound_file import read_upper_bound
 from cfjax.bracket import Bound, upper_bound

@@ -17,13 +17,13 @@ from flint import fmpq
 import cfjax
 from cfcheck import Outcome, Report, check_document
 from cfcheck.claims.document import read_certificate
-from cfcheck.claims.legs import Joint
-from cfcheck.claims.legs import Leg as ProvenLeg
 from cfcheck.exact.rational import Range, sqrt_lower, sqrt_upper
+from cfcheck.kernel.legs import Joint
+from cfcheck.kernel.legs import Leg as ProvenLeg
 from cfcheck.path.bounds import Bounds
 from cfcheck.path.reference import Gap
 from cfcheck.replay import check_robustness
-from cfcheck.robustness.amounts import SHARE, Absorbed, Rates, Told, verified
+from cfcheck.robustness.amounts import SHARE, AbsorbedClaim, LawNumbers, Rates, verified
 from cfcheck.robustness.descent import HeldFunnel, are_entered, bounds_over, held_over
 from cfcheck.robustness.hold_hints import read_robustness
 from cfjax.certificate.amounts import largest_amounts
@@ -55,7 +55,7 @@ from tests.certificate.changed import answer_to
 
 SAMPLES = 20_000
 GOALS = (fmpq(1), fmpq(1, 4), fmpq(1, 5))  # levels of V
-NOTHING = Absorbed(fmpq(0), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
+NOTHING = AbsorbedClaim(fmpq(0), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
 
 
 class Chain(NamedTuple):
@@ -117,21 +117,21 @@ def by_hand(within: Range = (fmpq(-1), fmpq(1))) -> HeldFunnel:
     bounds = Bounds((fmpq(0), fmpq(0)), (fmpq(1), fmpq(2)), within)
     return HeldFunnel(
         funnel=funnel,
-        told=Told(fmpq(1), fmpq(1), shell=fmpq(9, 10), inner=fmpq(1, 10), bounds=bounds),
+        numbers=LawNumbers(fmpq(1), fmpq(1), shell=fmpq(9, 10), inner=fmpq(1, 10), bounds=bounds),
         fastest=fmpq(1),
         bands=((fmpq(1), fmpq(3, 2)), (fmpq(3, 2), fmpq(2))),
         rates=(rates, replace(rates, bend=fmpq(600), decrease=SHARE * fmpq(3, 2))),
     )
 
 
-def worst_end(own: HeldFunnel, way: float, amounts: Absorbed, speed: float) -> float:
+def worst_end(own: HeldFunnel, way: float, amounts: AbsorbedClaim, speed: float) -> float:
     """V after so many metres where all goes as badly as the bounds allow, hold by hold.
 
     The law sees V as it was before the delay, and less by what an error of the pose does; the speed is the given one
     whenever it looks, and as much higher in between as it can be.
     """
     rates = own.rates[0] if speed <= 1.5 else own.rates[1]
-    inner, shell, fastest = float(own.told.inner), float(own.told.shell), float(own.fastest)
+    inner, shell, fastest = float(own.numbers.inner), float(own.numbers.shell), float(own.fastest)
     period, delay = float(amounts.period), float(amounts.delay)
     disturbance, pose_error = (np.array(each, float) for each in (amounts.disturbance, amounts.pose_error))
     slopes, gradient = (np.array([float(value) for value in each]) for each in (rates.slopes, rates.gradient))
@@ -140,22 +140,22 @@ def worst_end(own: HeldFunnel, way: float, amounts: Absorbed, speed: float) -> f
     rise = float(rates.rise) + gradient @ disturbance
     against = gradient @ disturbance + slopes @ pose_error + (float(rates.staleness) + slopes @ disturbance) * delay
     bend = float(rates.bend) + slopes @ disturbance
-    assert own.told.bounds is not None and own.told.margin_per_metre is not None
-    surge = float(own.told.bounds.acceleration[1]) * fastest * (period + delay)
+    assert own.numbers.bounds is not None and own.numbers.margin_per_metre is not None
+    surge = float(own.numbers.bounds.acceleration[1]) * fastest * (period + delay)
 
     value = before = 1 - unseen  # as high as it may be where an input is chosen here for the first time
     metres = (speed + surge) * fastest
     gone = metres * (period + delay)  # until then inputs are another tube's
     while gone < way:
         taken = value + (before - value) * delay / period - unseen  # for V: a delay is shorter than a hold here
-        asked = float(SHARE) * float(own.told.margin_per_metre) * speed * min(1.0, taken / shell)
+        asked = float(SHARE) * float(own.numbers.margin_per_metre) * speed * min(1.0, taken / shell)
         change = (against - asked) * period + bend * period**2 / 2 if taken >= inner else rise * period
         before, value = value, value + change
         gone += metres * period
     return value
 
 
-def assert_no_worse_than_told(own: HeldFunnel, amounts: Absorbed, above: float) -> None:
+def assert_no_worse_than_told(own: HeldFunnel, amounts: AbsorbedClaim, above: float) -> None:
     """For ways and speeds; what is told is close where the speed is the slowest one, which is the one that counts."""
     for way, speed in WAYS:
         told = float(own.descent(amounts).end_level(fmpq(round(1000 * way), 1000)))
@@ -178,7 +178,7 @@ def test_v_comes_down_no_slower_than_is_said(period: float) -> None:
 def test_nor_where_everything_is_amiss_at_once(share: fmpq) -> None:
     own = by_hand()
     each = fmpq(1, 200), fmpq(1, 2000)
-    some = Absorbed(fmpq(1, 5000), (each[0],) * 4, (each[1],) * 4, fmpq(1, 8000)).scaled(share)
+    some = AbsorbedClaim(fmpq(1, 5000), (each[0],) * 4, (each[1],) * 4, fmpq(1, 8000)).scaled(share)
     assert_no_worse_than_told(own, some, 0.1)
 
 
@@ -213,7 +213,7 @@ def test_with_nothing_amiss_v_comes_down_as_in_the_certificate() -> None:
 
 def test_more_amiss_is_more_of_the_way() -> None:
     own, way = by_hand(), fmpq(1)
-    some = Absorbed(fmpq(1, 2000), (fmpq(1, 100),) * 4, (fmpq(1, 1000),) * 4, fmpq(1, 4000))
+    some = AbsorbedClaim(fmpq(1, 2000), (fmpq(1, 100),) * 4, (fmpq(1, 1000),) * 4, fmpq(1, 4000))
     before = own.descent(NOTHING).end_level(way)
     for name in ("period", "disturbance", "pose_error", "delay"):
         assert own.descent(replace(NOTHING, **{name: getattr(some, name)})).end_level(way) > before
@@ -305,8 +305,8 @@ def inputs_of(vehicle: KinematicBicycle, timing: tuple[float, float], rng: np.ra
 
 def rates_of(vehicle: KinematicBicycle, own: HeldFunnel) -> Callable[[jax.Array, jax.Array], jax.Array]:
     """ẋ of states (k, 4) under inputs (k, 3), on the run's own curvature and speed."""
-    assert own.told.bounds is not None
-    kappa, speed = float(own.told.bounds.curvature[0]), float(own.told.bounds.speed[0])
+    assert own.numbers.bounds is not None
+    kappa, speed = float(own.numbers.bounds.curvature[0]), float(own.numbers.bounds.speed[0])
     point = ReferencePoint(kappa * speed, speed, 0.0, 0.0)
 
     def rate(x: jax.Array, u: jax.Array) -> jax.Array:
@@ -370,9 +370,14 @@ def test_cars_stay_in_both_tubes_at_the_proven_period(two: Chain) -> None:
         levels = float(own.funnel.beta_lower), float(own.funnel.beta_inner)
         funnel = Funnel(template_named("contracting"), shape, 0.0, math.inf, *levels)
         along = Tube(
-            *(Interval(*map(float, getattr(own.told.bounds, name))) for name in ("curvature", "speed", "acceleration"))
+            *(
+                Interval(*map(float, getattr(own.numbers.bounds, name)))
+                for name in ("curvature", "speed", "acceleration")
+            )
         )
-        legs.append(Leg(stretch.end, funnel, float(own.told.margin), float(own.told.margin_per_metre or 0), along))
+        legs.append(
+            Leg(stretch.end, funnel, float(own.numbers.margin), float(own.numbers.margin_per_metre or 0), along)
+        )
     track, period = track_of(problem, legs), float(absorbed.alone.period)
     x = states_of(two.held[0], 1 - 1e-9, np.random.default_rng(2))[:16]
     starts = in_world(track, x)

@@ -19,15 +19,15 @@ import cfjax.certificate.robustness as hints_of
 from cfcheck import Outcome, check_document
 from cfcheck.claims.document import document_hash
 from cfcheck.claims.hints import Room
-from cfcheck.claims.legs import Leg
-from cfcheck.claims.problem import Course
+from cfcheck.claims.problem import PlacedPath
 from cfcheck.claims.proof import Question
 from cfcheck.exact.enclosure import Budget, Enclosure
 from cfcheck.exact.rational import dyadic, rational
+from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.level import LEVELS
 from cfcheck.reader import Item
 from cfcheck.replay import check_robustness
-from cfcheck.robustness.amounts import Absorbed, Rates, Robustness, kept_level
+from cfcheck.robustness.amounts import AbsorbedClaim, ProvenRobustness, Rates, kept_level
 from cfcheck.robustness.hold import HeldCell, HeldMotion, derivatives_of
 from cfcheck.robustness.hold_hints import read_stretch
 from cfcheck.robustness.rate_bounds import motions, rates_along
@@ -142,7 +142,7 @@ def asked(problem: Problem, funnel: Funnel) -> tuple[Question, Leg]:
     """What is asked of a funnel with margin 1 1/s along the first segment."""
     statement, rounded = statement_of(problem), round_funnel(funnel, problem.path.segments[0])
     course, one = statement.claim.course, rounded.claim(fmpq(1))
-    assert isinstance(course, Course)
+    assert isinstance(course, PlacedPath)
     question = replace(question_of(statement.claim, rounded), funnel=one)
     return question, Leg(course.reference, 0, statement.legs[0].end, one)
 
@@ -333,7 +333,9 @@ def hold(
 
 
 @pytest.fixture(scope="module")
-def absorbed(case: Callable[[str], tuple[Problem, Funnel]]) -> tuple[Problem, Funnel, float, Robustness, dict, dict]:
+def absorbed(
+    case: Callable[[str], tuple[Problem, Funnel]],
+) -> tuple[Problem, Funnel, float, ProvenRobustness, dict, dict]:
     """The circle's certified funnel and margin, what is proven of it, and the two files."""
     problem, funnel = case("circle pf contracting")
     found = certify(problem, [funnel])
@@ -397,7 +399,7 @@ def test_a_stretch_is_halved_where_its_outer_levels_have_a_far_larger_bound(
         assert [stretch["end"] for stretch in found] == expected
 
 
-def attack(absorbed: Any, amounts: Absorbed, kept: fmpq, seed: int = 0) -> float:
+def attack(absorbed: Any, amounts: AbsorbedClaim, kept: fmpq, seed: int = 0) -> float:
     """The largest V above what is to be kept: 20 000 cars with errors at their limits, delays under other inputs."""
     problem, funnel, margin, *_ = absorbed
     rng = np.random.default_rng(seed)
@@ -425,7 +427,7 @@ def attack(absorbed: Any, amounts: Absorbed, kept: fmpq, seed: int = 0) -> float
     return float(one(z, jnp.asarray(wrong), off, before).max())
 
 
-def only(amounts: Absorbed, what: str, state: int = 0) -> Absorbed:
+def only(amounts: AbsorbedClaim, what: str, state: int = 0) -> AbsorbedClaim:
     """One of them, in one state where it has several."""
     nothing = amounts.scaled(fmpq(0))
     amount = getattr(amounts, what)
@@ -469,7 +471,7 @@ def test_amounts_by_hand() -> None:
 
     def kept(period: str = "0", disturbance: str = "0", pose_error: str = "0", delay: str = "0") -> fmpq | None:
         h, d, e, tau = (fmpq(*map(int, text.split("/"))) for text in (period, disturbance, pose_error, delay))
-        return kept_level(rates, Absorbed(h, (d,), (e,), tau))
+        return kept_level(rates, AbsorbedClaim(h, (d,), (e,), tau))
 
     assert kept() == kept(period="1/100") == kept(disturbance="1/3") == kept(delay="1/100") == 1
     assert kept(period="101/10000") is None  # β̲ + D h

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfcheck.claims.document import unpack_triangle
-from cfcheck.exact.rational import is_positive_definite
+from cfcheck.exact.definite import is_positive_definite, symmetric
 from cfjax.certificate.rounding import dyadic, round_gram, round_rate, round_shape, round_whitening
 
 
@@ -24,7 +23,7 @@ def test_rounding_stays_near_and_is_exact_in_floats() -> None:
         np.testing.assert_allclose(whitening @ shape @ whitening, np.eye(4), atol=1e-3)
         gram = shape / np.linalg.norm(shape)
         rounded_gram = round_gram(gram, 1e-7)
-        entries = unpack_triangle([fmpq(entry, 2**rounded_gram.exponent) for entry in rounded_gram.lower], 4)
+        entries = symmetric([fmpq(entry, 2**rounded_gram.exponent) for entry in rounded_gram.lower])
         assert is_positive_definite(entries)
         assert rounded_gram.whole == [[entry * 2**rounded_gram.exponent for entry in row] for row in entries]
         np.testing.assert_allclose([[float(e) for e in row] for row in entries], gram, atol=2e-7)

@@ -169,8 +169,8 @@ def test_tan_and_division_are_enclosed_on_the_funnel(monkeypatch: pytest.MonkeyP
             below = float(decrease.form_rates[cell.vertex].denominator.polynomial(*y))
             assert below == pytest.approx(1 + (x[3] + 2) / 10, abs=1e-12)
             assert -rate * below >= float(decrease.target(cell)(*y)) - 1e-12
-            drop = float(decrease.pieces[cell.piece].drop_at(decrease.form)(*y))
-            assert float(decrease.drop(cell)(*y)) == pytest.approx(below * drop)
+            drop = float(decrease.pieces[cell.piece].weight.at(decrease.form)(*y))
+            assert float(decrease.weight(cell)(*y)) == pytest.approx(below * drop)
 
 
 def test_poles_in_the_funnel_are_refused() -> None:

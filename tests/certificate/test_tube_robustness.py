@@ -15,7 +15,15 @@ from cfcheck import Outcome, check_document
 from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken
 from cfcheck.replay import check_robustness
-from cfcheck.robustness.amounts import Absorbed, BoundsOver, Rates, Robustness, kept_level, least_level, verified
+from cfcheck.robustness.amounts import (
+    AbsorbedClaim,
+    BoundsOver,
+    ProvenRobustness,
+    Rates,
+    kept_level,
+    least_level,
+    verified,
+)
 from cfcheck.robustness.rate_bounds import HORIZON
 from cfjax.certificate import certify
 from cfjax.certificate.amounts import largest_amounts
@@ -55,7 +63,7 @@ class Case:
         self.report = check_robustness(check_document(self.document), self.document, self.hints)
         assert self.report.outcome is Outcome.PROVEN, self.report.message
         assert self.report.robustness is not None and self.per_metre is not None
-        self.proven: Robustness = self.report.robustness
+        self.proven: ProvenRobustness = self.report.robustness
 
     @property
     def tube(self) -> Tube:
@@ -150,7 +158,7 @@ def test_nothing_leaves_within_the_period_and_something_soon_after(
     assert period <= escape < widest * period
 
 
-def attack(own: Case, amounts: Absorbed, kept: fmpq, seed: int = 0) -> float:
+def attack(own: Case, amounts: AbsorbedClaim, kept: fmpq, seed: int = 0) -> float:
     """The largest V above what is to be kept, of cars under the law that knows the path's speed alone.
 
     The path jumps anew eight times in a delay and in a period, to ends of its bounds for most cars. Without a period

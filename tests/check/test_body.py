@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from cfcheck.claims.meaning import closes
+from cfcheck.claims.assumptions import closes
 from cfcheck.exact.graph import Graph, Node
 from cfcheck.exact.symbolic import symbolic
 from cfcheck.vehicle.body import is_a_body, looks_at_one_angle, slopes_by_timing_alone, turns_by_timing_alone

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from flint import acb, arb, fmpq
 
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.claims.legs import Leg
-from cfcheck.claims.surroundings import ClearStretch, Surroundings, prove_surroundings
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim, Shadow
+from cfcheck.clearance.surroundings import ClearStretch, SurroundingsClaim, prove_surroundings
 from cfcheck.exact.rational import rational
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim, Shadow
+from cfcheck.kernel.funnel import FunnelClaim
+from cfcheck.kernel.legs import Leg
 from cfcheck.kernel.level import LEVELS, Contracting, Level, Paper
 from cfcheck.path.piece import Piece, between
 from cfcheck.path.reference import ExactPose, Reference
@@ -58,8 +58,8 @@ class Claim(NamedTuple):
         return Leg(Reference(self.pieces, self.start), 0, len(self.pieces), funnel)
 
     @property
-    def surroundings(self) -> Surroundings:
-        return Surroundings((self.obstacle,), (self.disc,))
+    def surroundings(self) -> SurroundingsClaim:
+        return SurroundingsClaim((self.obstacle,), (self.disc,))
 
     def solved(self) -> "Claim":
         (stretches,) = find_clearance(self.surroundings, [self.leg])

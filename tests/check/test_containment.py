@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from flint import fmpq
 
-from cfcheck.claims.containment import Sets, broken_containments
+from cfcheck.kernel.containment import Sets, broken_containments
 from cfcheck.kernel.level import LEVELS
 
 

@@ -12,8 +12,8 @@ import pytest
 from flint import fmpq
 
 from cfcheck import Outcome, check_document
+from cfcheck.claims.assumptions import require_supported
 from cfcheck.claims.document import document_hash
-from cfcheck.claims.meaning import require_meaning
 from cfcheck.claims.problem import read_problem
 from cfcheck.exact.rational import rational
 from cfcheck.exact.symbolic import symbolic
@@ -481,7 +481,7 @@ def test_states_that_nobody_knows_must_not_jump_between_segments(follows: bool, 
 def asked_of(document: Document) -> None:
     """That the path may be asked about, for the dynamics in the file."""
     claim = read_problem(document["problem"])
-    require_meaning(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
+    require_supported(claim, symbolic(claim.vehicle.graph, claim.vehicle.states, tuple(claim.inputs)))
 
 
 def test_what_the_turning_rate_does_otherwise_must_not_jump_either() -> None:

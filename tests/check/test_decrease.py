@@ -39,7 +39,7 @@ def question(template: str, method: str, rate: float = 0.09) -> tuple[SteadyDecr
 def test_pieces_cover_the_shell_with_the_largest_demand(
     template: str, rate: float, inner: float, span: tuple[int, int]
 ) -> None:
-    """At every θ of a stretch and q some piece holds q, its drop is at least min(1, V/β̲)/σ(θ), its timing ∂V/∂θ / σ."""
+    """At every θ of a stretch and q some piece holds q, its weight ≥ min(1, V/β̲)/σ(θ), its timing is ∂V/∂θ / σ."""
     duration, lower = 6.0, 0.9
     funnel = Funnel(template_named(template), SHAPE, rate, duration, lower, inner)
     levels = fmpq(9, 10), fmpq(round(inner * 100), 100)
@@ -54,12 +54,12 @@ def test_pieces_cover_the_shell_with_the_largest_demand(
             assert within
             for piece in within:
                 assert (
-                    float(piece.drop[0] + piece.drop[1] * fmpq(round(q * 10**9), 10**9))
+                    float(piece.weight[0] + piece.weight[1] * fmpq(round(q * 10**9), 10**9))
                     >= min(1, value / lower) / sigma - 1e-8
                 )
                 timing = float(piece.timing[0]) + float(piece.timing[1]) * q
                 assert timing == pytest.approx(float(funnel.template.timing(rate, q)), abs=1e-9)
-                assert 0 < float(piece.least_drop) <= float(piece.drop[0]) + float(piece.drop[1]) * q + 1e-9
+                assert 0 < float(piece.least_weight) <= float(piece.weight[0]) + float(piece.weight[1]) * q + 1e-9
 
 
 def test_a_shell_that_reaches_the_reference_is_refused() -> None:

@@ -12,12 +12,12 @@ from cfcheck.exact.graph import Graph, Node
 from cfcheck.kernel.level import LEVELS
 from cfcheck.kernel.program import CellProof
 from cfcheck.reader import Broken
-from cfcheck.robustness.hold import ASKED, HeldCell, HeldMotion
+from cfcheck.robustness.hold import FROZEN, HeldCell, HeldMotion
 from cfcheck.robustness.parametric import Parametric
 from cfcheck.robustness.rate_bounds import _prove_sizes
 
 
-TURN, SPEED, ASKED_TURN = "reference:turn_rate", "reference:speed", "asked:turn_rate"
+TURN, SPEED, FROZEN_TURN = "reference:turn_rate", "reference:speed", "frozen:turn_rate"
 # a' = w - turn_rate u0, b' = (speed + a) a - turn_rate u0 b
 GRAPH = Graph(
     (
@@ -56,9 +56,9 @@ class Counted(HeldMotion):
         return proof.margin
 
 
-def motion(template: str, asked: bool) -> Counted:
+def motion(template: str, frozen: bool) -> Counted:
     piece = LEVELS[template](RATE).inside((fmpq(0), fmpq(0)))[0]
-    parameters = BOX | ({ASKED_TURN: BOX[TURN]} if asked else {})
+    parameters = BOX | ({FROZEN_TURN: BOX[TURN]} if frozen else {})
     spare, degrees = fmpq(1, 7), (2, 1)
     return Counted(GRAPH, ("a", "b"), parameters, spare, SHAPE, WHITENING, piece, {}, {}, degrees)
 
@@ -73,7 +73,7 @@ def by_hand(template: str, at: dict[str, fmpq]) -> tuple[fmpq_mpoly, fmpq_mpoly]
         return [w - turn * u0 + 0 * a, (speed + a) * a - turn * u0 * b]
 
     q = 4 * a**2 + 2 * a * b + 3 * b**2
-    own, looked_at = rates(at[TURN]), rates(at.get(ASKED_TURN, at[TURN]))
+    own, looked_at = rates(at[TURN]), rates(at.get(FROZEN_TURN, at[TURN]))
 
     def along(polynomial: fmpq_mpoly, by: list[fmpq_mpoly]) -> fmpq_mpoly:
         return sum((polynomial.derivative(k) * by[k] for k in range(2)), 0 * a)
@@ -84,11 +84,11 @@ def by_hand(template: str, at: dict[str, fmpq]) -> tuple[fmpq_mpoly, fmpq_mpoly]
     return along(q, own) + k * q, along(along(q, looked_at) + k * q, own) + k * (along(q, own) + k * q)
 
 
-@pytest.mark.parametrize("asked", [False, True])
+@pytest.mark.parametrize("frozen", [False, True])
 @pytest.mark.parametrize("template", ["paper", "contracting"])
-def test_combinations_at_vertices_are_the_chain_rule(template: str, asked: bool) -> None:
-    held = motion(template, asked)
-    assert len(held.vertices) == (16 if asked else 8)
+def test_combinations_at_vertices_are_the_chain_rule(template: str, frozen: bool) -> None:
+    held = motion(template, frozen)
+    assert len(held.vertices) == (16 if frozen else 8)
     point = (fmpq(1, 3), fmpq(-2, 7))
     state = [x(*point) for x in held.deviations]
     for vertex, at in enumerate(held.vertices):
@@ -107,7 +107,7 @@ def test_combinations_at_vertices_are_the_chain_rule(template: str, asked: bool)
 
 def test_what_is_cut_off_is_left_out_of_the_target() -> None:
     """Of degree two at most instead of four: −V̈ is nowhere below the target."""
-    held = replace(motion("contracting", asked=False), degrees=(1, 0))
+    held = replace(motion("contracting", frozen=False), degrees=(1, 0))
     cut = 0
     for vertex, at in enumerate(held.vertices):
         _, second = by_hand("contracting", at)
@@ -121,7 +121,7 @@ def test_what_is_cut_off_is_left_out_of_the_target() -> None:
 
 
 def test_a_remainder_is_left_out_of_the_target_and_part_of_sizes() -> None:
-    held, rough = motion("paper", asked=False), motion("paper", asked=False)
+    held, rough = motion("paper", frozen=False), motion("paper", frozen=False)
     domain, error = rough.domain, fmpq(1, 100)
     vague = Parametric.free(Enclosure(domain, rough.ring.constant(0), (error, fmpq(0), fmpq(0))))
     vars(rough)["first"] = held.first + vague * Parametric.parameter(domain, "input:w")
@@ -142,11 +142,11 @@ def proven(held: Counted, effort: int = 10**9) -> tuple[Any, int]:
 
 @pytest.mark.parametrize("template", ["paper", "contracting"])
 def test_sizes_are_the_largest_at_any_vertex(template: str) -> None:
-    held = motion(template, asked=True)
+    held = motion(template, frozen=True)
     sizes, _ = proven(held)
     cells = list(held.cells())
-    assert sum(cell.order == 1 for cell in cells) == 8  # where what is asked is the reference's own
-    assert all(held.vertices[c.vertex][ASKED_TURN] == held.vertices[c.vertex][TURN] for c in cells if c.order == 1)
+    assert sum(cell.order == 1 for cell in cells) == 8  # where the frozen reference is the reference's own
+    assert all(held.vertices[c.vertex][FROZEN_TURN] == held.vertices[c.vertex][TURN] for c in cells if c.order == 1)
     for order, found in ((1, sizes.rise), (2, sizes.bend)):
         assert found == 100 - min(k for k, cell in enumerate(cells) if cell.order == order)
     everywhere = range(len(held.vertices))
@@ -158,18 +158,18 @@ def test_sizes_are_the_largest_at_any_vertex(template: str) -> None:
 
 
 def test_each_vertex_has_a_budget_and_all_have_another_one() -> None:
-    held = motion("paper", asked=True)
+    held = motion("paper", frozen=True)
     cells = len(list(held.cells()))
     _, left = proven(held)
     spent = 10**9 - left
     assert spent > cells * (LARGEST_EFFORT // 2 - 100_000)  # and what combinations cost
-    proven(motion("paper", asked=True), spent)
+    proven(motion("paper", frozen=True), spent)
     with pytest.raises(TooLarge):
-        proven(motion("paper", asked=True), spent - 1)
+        proven(motion("paper", frozen=True), spent - 1)
 
 
 def test_a_cell_that_is_missing_is_noticed() -> None:
-    held = motion("paper", asked=True)
+    held = motion("paper", frozen=True)
     margins = {(cell.order, cell.vertex): (fmpq(0), ()) for cell in held.cells()}
     terms: Any = SimpleNamespace(wander=fmpq(0))
     for key in [*margins, (1, 1)]:
@@ -178,9 +178,10 @@ def test_a_cell_that_is_missing_is_noticed() -> None:
             _prove_sizes(held, terms, own if key in margins else margins | {key: (fmpq(0), ())}, Budget())
 
 
-def test_asked_parameters_stand_for_the_references() -> None:
-    held = motion("contracting", asked=True)
+def test_frozen_parameters_stand_for_the_references() -> None:
+    held = motion("contracting", frozen=True)
     for at in held.vertices:
-        assert held.asked(at)[TURN] == at[ASKED_TURN]
-        assert {name: held.asked(at)[name] for name in at if name != TURN} == {n: v for n, v in at.items() if n != TURN}
-    assert ASKED_TURN.startswith(ASKED)
+        assert held.frozen(at)[TURN] == at[FROZEN_TURN]
+        others = {name: value for name, value in at.items() if name != TURN}
+        assert {name: held.frozen(at)[name] for name in others} == others
+    assert FROZEN_TURN.startswith(FROZEN)

@@ -9,8 +9,8 @@ import pytest
 from flint import fmpq
 from scipy.integrate import solve_ivp
 
-from cfcheck.claims.legs import Joint, Leg, is_wider, prove_joints
 from cfcheck.exact.rational import rational
+from cfcheck.kernel.legs import Joint, Leg, is_wider, prove_joints
 from cfcheck.kernel.level import Contracting, Paper
 from cfcheck.path.reference import Gap
 from cfcheck.reader import Broken

@@ -92,9 +92,9 @@ def test_ranges_of_q_cover_the_funnel_and_ask_for_enough_at_every_theta(name: st
                 constant, slope = map(float, piece.timing)
                 assert sigma * (constant + slope * q) == pytest.approx(by_theta, abs=1e-6)
             for piece in own:
-                constant, slope = map(float, piece.drop)
+                constant, slope = map(float, piece.weight)
                 assert constant + slope * q <= 1 / sigma + 1e-6
             for piece in asked:
-                constant, slope = map(float, piece.drop)
+                constant, slope = map(float, piece.weight)
                 assert constant + slope * q >= min(1.0, value / beta_lower) / sigma - 1e-6
     assert seen > 1000

@@ -27,10 +27,10 @@ class Disc(FunnelProgram):
         y, z = self.ring.gens()
         return 2 + y * z
 
-    def drop(self, cell: None) -> fmpq_mpoly:
+    def weight(self, cell: None) -> fmpq_mpoly:
         return self.ring.constant(1)
 
-    def least_drop(self, cell: None) -> fmpq:
+    def least_weight(self, cell: None) -> fmpq:
         return fmpq(1)
 
     def constraints(self, cell: None) -> list[fmpq_mpoly]:

@@ -169,12 +169,12 @@ def test_what_is_left_over_and_the_denominators_remainder_are_paid_for(
     below = Enclosure(domain, y / 8 + fmpq(1, 4), (fmpq(1, 100), fmpq(0), fmpq(0)))
     rate, cell = one_over(0, Quotient(below)), Cell(0, (), ())
     question = SteadyDecrease.__new__(SteadyDecrease)
-    piece = SimpleNamespace(least_drop=fmpq(3, 10), drop_at=lambda form: form)
+    piece = SimpleNamespace(least_weight=fmpq(3, 10), weight=SimpleNamespace(at=lambda form: form))
     vars(question).update(pieces=(piece,), form_rates={(): rate}, domain=domain, form=3 + y)
-    assert question.drop(cell) == (y / 8 + fmpq(1, 4)) * (3 + y)  # V̇ D ≤ −λ D drop
+    assert question.weight(cell) == (y / 8 + fmpq(1, 4)) * (3 + y)  # V̇ D ≤ −λ D weight
     least = fmpq(1, 4) - fmpq(1, 8) - fmpq(1, 100)
     assert least * fmpq(999, 1000) < rate.least_denominator <= least
-    assert question.least_drop(cell) == rate.least_denominator * fmpq(3, 10)
+    assert question.least_weight(cell) == rate.least_denominator * fmpq(3, 10)
     monkeypatch.setattr(FunnelProgram, "proven_margin", lambda *_: fmpq(1))
     for margin in (fmpq(2), fmpq(-2)):
         shown = question.proven_margin(CellProof(cell, margin, ()))

@@ -17,7 +17,7 @@ from flint import fmpq
 from cfcheck import Outcome, check_document
 from cfcheck.claims.document import document_hash
 from cfcheck.claims.hints import Room
-from cfcheck.claims.problem import Course
+from cfcheck.claims.problem import PlacedPath
 from cfcheck.claims.proof import MOST_EFFORT
 from cfcheck.exact.enclosure import Budget
 from cfcheck.path.reference import Gap
@@ -80,7 +80,7 @@ def leg_of(line: Path) -> SteadyLeg:
     statement, rounded = statement_of(problem), round_funnel(funnel, segment)
     (piece,) = statement.pieces(0)
     course = statement.claim.course
-    assert isinstance(course, Course)
+    assert isinstance(course, PlacedPath)
     gap = course.reference.gap if course.closed else None
     return SteadyLeg(question_of(statement.claim, rounded), piece.profile(fmpq(0)), piece.duration, gap)
 

@@ -8,28 +8,28 @@ import pytest
 from flint import fmpq
 
 from cfcheck import Outcome, Report, check_document
+from cfcheck.claims.assumptions import Assumptions
 from cfcheck.claims.document import Claims, Witness
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.claims.meaning import Assumptions
 from cfcheck.claims.proven import Proven, Refuted, Shown, Violation
-from cfcheck.claims.surroundings import Surroundings
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim
+from cfcheck.clearance.surroundings import SurroundingsClaim
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.kernel.level import Contracting, Paper
 from cfcheck.path.bounds import Bounds, Extreme
-from cfcheck.robustness.amounts import Absorbed, Robustness, Told
+from cfcheck.robustness.amounts import AbsorbedClaim, LawNumbers, ProvenRobustness
 from cfcheck.statement import VIOLATED, sections
 from tests import by_hand
 from tests.by_hand import ONE, ZERO
 
 
-AMOUNTS = Absorbed(fmpq(1, 3), (fmpq(1, 4),) * 4, (fmpq(1, 5),) * 4, fmpq(1, 6))
+AMOUNTS = AbsorbedClaim(fmpq(1, 3), (fmpq(1, 4),) * 4, (fmpq(1, 5),) * 4, fmpq(1, 6))
 
 
-def told(*bounds: Bounds | None) -> tuple[Told, ...]:
-    return tuple(Told(ONE, None if own is None else fmpq(2), fmpq(9, 10), fmpq(1, 2), own) for own in bounds)
+def told(*bounds: Bounds | None) -> tuple[LawNumbers, ...]:
+    return tuple(LawNumbers(ONE, None if own is None else fmpq(2), fmpq(9, 10), fmpq(1, 2), own) for own in bounds)
 
 
-ROBUSTNESS = Robustness(AMOUNTS, fmpq(7, 8), AMOUNTS.scaled(fmpq(1, 2)), fmpq(3, 4), (), told(None))
+ROBUSTNESS = ProvenRobustness(AMOUNTS, fmpq(7, 8), AMOUNTS.scaled(fmpq(1, 2)), fmpq(3, 4), (), told(None))
 
 
 def funnel(margin: fmpq = fmpq(3, 10)) -> FunnelClaim:
@@ -187,7 +187,7 @@ def test_each_kind_of_claim_has_its_statement(shown: Shown, parts: dict[str, tup
 
 def test_obstacles_are_among_the_sets_and_kept_clear_of() -> None:
     """Without I and G too; where there are none, nobody hears of a footprint."""
-    around = Surroundings((ObstacleClaim(((ONE, ONE),), fmpq(1, 3)),), (FootprintClaim(fmpq(1, 3), ONE),))
+    around = SurroundingsClaim((ObstacleClaim(((ONE, ONE),), fmpq(1, 3)),), (FootprintClaim(fmpq(1, 3), ONE),))
     told = "clear of one obstacle that stands in the file, by a footprint of radius 0.333333 m at offset 1 m."
     for shown, words in (
         (funnels(safe=(ONE,) * 4, surroundings=around), "V <= 1, inside S, clear of the obstacles, until it arrives"),
@@ -220,7 +220,7 @@ def test_each_violation_is_said_in_its_own_words() -> None:
 
 
 BANDS = replace(ROBUSTNESS, bands=((fmpq(1, 2), ONE), (ONE, fmpq(2))), by_speed=(AMOUNTS, AMOUNTS))
-ALONG = replace(ROBUSTNESS, told=told(by_hand.bounds(fmpq(1, 3)), by_hand.bounds(fmpq(1, 2))))
+ALONG = replace(ROBUSTNESS, law_numbers=told(by_hand.bounds(fmpq(1, 3)), by_hand.bounds(fmpq(1, 2))))
 HELD = "held for 0.333333 s (control at 3 Hz or faster)"
 
 
@@ -234,7 +234,7 @@ HELD = "held for 0.333333 s (control at 3 Hz or faster)"
         ),
         (
             funnels(),
-            replace(ROBUSTNESS, told=told(None, None)),
+            replace(ROBUSTNESS, law_numbers=told(None, None)),
             ("funnel 0: lambda = 1 1/s, shell from 0.9; funnel 1: lambda = 1 1/s, shell from 0.9; control period",),
         ),
         (
@@ -260,7 +260,7 @@ HELD = "held for 0.333333 s (control at 3 Hz or faster)"
     ],
     ids=["funnel", "funnels", "tube", "in tubes", "in tubes with sets"],
 )
-def test_what_is_absorbed_has_its_own_section(shown: Proven, proven: Robustness, words: tuple[str, ...]) -> None:
+def test_what_is_absorbed_has_its_own_section(shown: Proven, proven: ProvenRobustness, words: tuple[str, ...]) -> None:
     *others, absorbed = sections(shown, proven)
     assert tuple(others) == sections(shown)
     assert absorbed.heading == "robustness"
@@ -299,7 +299,7 @@ def test_states_without_a_known_unit_have_none() -> None:
 
 
 @pytest.mark.parametrize(("shown", "proven"), [(funnels(), ROBUSTNESS), (tube(), BANDS), (in_tubes(), ALONG)])
-def test_a_terminal_shows_a_list_on_one_screen(shown: Proven, proven: Robustness) -> None:
+def test_a_terminal_shows_a_list_on_one_screen(shown: Proven, proven: ProvenRobustness) -> None:
     report = Report(Outcome.PROVEN, shown=shown, robustness=proven)
     title, *lines = report.text.splitlines()
     assert title == report.paragraphs[0].removesuffix(".")

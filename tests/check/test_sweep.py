@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from flint import acb, arb, fmpq
 
-from cfcheck.claims.surroundings import Body
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim, Shadow
+from cfcheck.clearance.surroundings import Body
+from cfcheck.clearance.sweep import UNIT, Hull, Nearby, Sweep, length_of
 from cfcheck.exact.enclosure import Budget
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim, Shadow
 from cfcheck.kernel.level import Contracting
-from cfcheck.kernel.sweep import UNIT, Hull, Nearby, Sweep, length_of
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
 from cfjax.certificate.hulls import Along, FunnelDisc, reaches

@@ -13,11 +13,11 @@ from flint import fmpq
 
 from cfcheck import Outcome, check_document
 from cfcheck.claims.document import document_hash
-from cfcheck.claims.funnel import Model
 from cfcheck.claims.proof import Question
 from cfcheck.exact.graph import Graph
 from cfcheck.exact.rational import Matrix
 from cfcheck.exact.symbolic import Symbolic
+from cfcheck.kernel.funnel import Model
 from cfcheck.path.bounds import Bounds
 from cfcheck.reader import Broken
 from cfcheck.vehicle.model import VehicleClaim

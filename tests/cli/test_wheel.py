@@ -60,7 +60,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
         told = {name.split(".dist-info/")[1] for name in archive.namelist() if ".dist-info/" in name}
     listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "cfjax", "conf"],
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "cfjax", "cfcheck", "conf"],
         cwd=ROOT,
         capture_output=True,
         text=True,

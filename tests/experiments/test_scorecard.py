@@ -32,7 +32,7 @@ def test_lines_are_counted_room_by_room() -> None:
     found = lines_by_room()
     files = (Path(__file__).parents[2] / "cfjax" / "solver").glob("*.py")
     assert found["solver"] == sum(len(file.read_text(encoding="utf-8").splitlines()) for file in files)
-    assert {"check", "cfjax", "tests"} <= found.keys()
+    assert {"cfcheck", "cfjax", "tests"} <= found.keys()
 
 
 @pytest.mark.usefixtures("scripts")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cfjax.falsifier.minimax import Outcome, Particles, Schedule, minimax, spawn
+from cfjax.falsifier.minimax import MinimaxResult, Particles, Schedule, minimax, spawn
 from cfjax.funnel import TEMPLATES
 from cfjax.funnel.instance import Unit, chain_of
 from cfjax.problem import Box, Problem, circle
@@ -18,7 +18,7 @@ def test_candidates_do_not_depend_on_each_other() -> None:
     particles = spawn(rng, (4, 1, 128), np.zeros(4), chain.funnels.begin.shape[1])
     schedule = Schedule(steps=30, learning_rate=(0.05, 0.01), temperature=(0.1, 0.01))
 
-    def of(*which: int) -> Outcome:
+    def of(*which: int) -> MinimaxResult:
         own = list(which)
         some = Particles(*(each[own] for each in particles))
         return minimax(problem.vehicle, template, chain, schedule, np.ones(len(own)), factor[own], change[own], some)

@@ -8,7 +8,7 @@ from pathlib import Path
 from flint import fmpq
 
 from cfcheck import Outcome, Report
-from cfcheck.robustness.amounts import Absorbed, Robustness, Told
+from cfcheck.robustness.amounts import AbsorbedClaim, LawNumbers, ProvenRobustness
 from cfjax.certificate.robustness import Hints
 from cfjax.conf import preset, problem_of, yaml_of
 from cfjax.report.files import versions
@@ -21,8 +21,8 @@ from tests import by_hand
 
 Make = Callable[..., Result]  # hand_made
 
-TOLD = (Told(fmpq(3, 10), None, fmpq(9, 10), fmpq(1, 2), None),)
-NONE = Absorbed(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
+TOLD = (LawNumbers(fmpq(3, 10), None, fmpq(9, 10), fmpq(1, 2), None),)
+NONE = AbsorbedClaim(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
 CLAIMS = {"verdict": Verdict.CERTIFIED, "document": {"format": "made by hand"}, "margin": 0.4}
 
 
@@ -37,7 +37,7 @@ def proves(path: Path) -> Report:
 
 
 def absorbs(path: Path) -> Report:
-    return by_hand.proven(fmpq(3, 10), robustness=Robustness(NONE, fmpq(1), NONE, fmpq(1), (), TOLD))
+    return by_hand.proven(fmpq(3, 10), robustness=ProvenRobustness(NONE, fmpq(1), NONE, fmpq(1), (), TOLD))
 
 
 def test_paragraphs_are_those_of_the_data(hand_made: Make) -> None:

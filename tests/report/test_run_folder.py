@@ -15,8 +15,8 @@ from flint import fmpq
 from cfcheck import Outcome, Report, check_file
 from cfcheck.path.bounds import Bounds
 from cfcheck.replay import WITHOUT_PERIOD as LESS
-from cfcheck.robustness.amounts import Absorbed as ProvenAmounts
-from cfcheck.robustness.amounts import Robustness, Told
+from cfcheck.robustness.amounts import AbsorbedClaim as ProvenAmounts
+from cfcheck.robustness.amounts import LawNumbers, ProvenRobustness
 from cfcheck.robustness.ranges import SampledClaim
 from cfjax.certificate.robustness import Hints
 from cfjax.conf import preset, preset_names, problem_of, yaml_of
@@ -187,8 +187,8 @@ def test_along_tubes_the_law_asks_for_what_the_checker_proved(hand_made: Make, t
     still = fmpq(0), fmpq(0)
     bounds = Bounds((fmpq(1, 4), fmpq(2)), (fmpq(1), fmpq(1)), still)
     none = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
-    told = Told(fmpq(3, 10), fmpq(1), fmpq(9, 10), fmpq(1, 2), bounds)
-    proven = Robustness(none, fmpq(1), none, fmpq(1), (), (told,))
+    told = LawNumbers(fmpq(3, 10), fmpq(1), fmpq(9, 10), fmpq(1, 2), bounds)
+    proven = ProvenRobustness(none, fmpq(1), none, fmpq(1), (), (told,))
 
     def check(path: Path) -> Report:
         return by_hand.proven(fmpq(3, 10), robustness=proven)
@@ -399,7 +399,9 @@ def test_period_and_delay_are_those_of_the_law_that_was_asked_for(hand_made: Mak
 
 NONE = ProvenAmounts(fmpq(1, 1000), (fmpq(0),) * 4, (fmpq(0),) * 4, fmpq(0))
 HELD = Sampled(0.02, 3, 0.5, ((0.5, -1.0, 0.0), (2.0, 1.0, 4.0)), (1.0, 2.0))
-ONE_LAW = Robustness(NONE, fmpq(1), NONE, fmpq(1), (), (Told(fmpq(3, 10), None, fmpq(9, 10), fmpq(9, 10), None),))
+ONE_LAW = ProvenRobustness(
+    NONE, fmpq(1), NONE, fmpq(1), (), (LawNumbers(fmpq(3, 10), None, fmpq(9, 10), fmpq(9, 10), None),)
+)
 SHORT = SampledClaim(fmpq(1, 50), 3, fmpq(1, 2), ((fmpq(1), fmpq(0), fmpq(0)),), (fmpq(1),), ())
 
 

@@ -10,7 +10,7 @@ import shapely
 from flint import fmpq
 
 from cfcheck import Outcome, check_document
-from cfcheck.claims import meaning
+from cfcheck.claims import assumptions
 from cfcheck.claims.document import document_hash
 from cfjax.errors import InputError
 from cfjax.options import Options
@@ -176,7 +176,7 @@ def test_a_lap_of_another_car_is_clear() -> None:
 def test_only_a_body_clears_obstacles(document: dict, monkeypatch: pytest.MonkeyPatch) -> None:
     renamed = json.loads(json.dumps(document).replace("kinematic_bicycle", "my_own"))
     assert check_document(sealed(renamed)).outcome is Outcome.PROVEN  # by its dynamics it is one
-    monkeypatch.setattr(meaning, "is_a_body", lambda *_: False)
+    monkeypatch.setattr(assumptions, "is_a_body", lambda *_: False)
     report = check_document(sealed(renamed))
     assert report.outcome is Outcome.BROKEN and "obstacles are cleared by bodies" in report.message
 

@@ -13,8 +13,8 @@ import pytest
 from flint import fmpq
 
 from cfcheck.claims.document import document_hash
-from cfcheck.claims.funnel import LAW_SHARE
 from cfcheck.exact.rational import rational
+from cfcheck.kernel.funnel import LAW_SHARE
 from cfcheck.reader import read_json
 from cfjax.errors import InputError
 from cfjax.exact import exact_reference, stated

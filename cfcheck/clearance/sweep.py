@@ -1,7 +1,7 @@
 """How far a body gets along normals while its reference drives along a part of a leg: bounds of first order, in balls.
 
 Most obstacles near a path are farther away than a crude bound tells; what it leaves open is looked at more closely
-(`cfcheck.kernel.clearance`). On a part of length s the heading is α = α_m + δ with |δ| ≤ w. With a = n·lat(α_m) and
+(`cfcheck.clearance.half_plane`). On a part of length s the heading is α = α_m + δ with |δ| ≤ w. With a = n·lat(α_m) and
 b = n·fwd(α_m), for |n·fwd(α)| ≤ |b| + |a| w, the place p_r of the reference goes along n at most
 
     n·p_r ≤ (n·p_start + n·p_end + s (|b| + |a| w))/2,
@@ -17,7 +17,7 @@ norm, and (a', b') is within w |n| of (a, b):  √N(a', b') ≤ √N(a, b) + w |
 
 Obstacles are compared with that in whole numbers of UNIT metres, rounded so that they are larger.
 
-Frames and units: as in `cfcheck.kernel.clearance`.
+Frames and units: as in `cfcheck.clearance.half_plane`.
 """
 
 import bisect
@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 from flint import acb, arb, fmpq
 
-from cfcheck.kernel.clearance import ObstacleClaim, Shadow
+from cfcheck.clearance.half_plane import ObstacleClaim, Shadow
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
 

@@ -16,6 +16,7 @@ from functools import cached_property
 
 from flint import arb, fmpq, fmpq_mat
 
+from cfcheck.exact.definite import exact_matrix
 from cfcheck.exact.rational import Matrix, Range, exp_bounds, upper_bound
 from cfcheck.kernel.law import LawClaim
 from cfcheck.kernel.level import Level
@@ -25,7 +26,7 @@ from cfcheck.vehicle.model import KNOWN_VEHICLES, VehicleClaim
 
 
 LAW_SHARE = fmpq(19, 20)  # of the certified decrease: what the run-time law (`cfjax.control`) asks for
-STEEPEST_EXPONENT = fmpq(64)  # levels below e^−64 are not told apart
+STEEPEST_EXPONENT = fmpq(64)  # all levels below e^−64 count as e^−64
 Inputs = Mapping[str, Range]  # a box by name, u0 first
 
 
@@ -43,7 +44,7 @@ class FunnelClaim:
     @cached_property
     def inverse(self) -> fmpq_mat:
         """C⁻¹: its diagonal holds the squares of the half-widths."""
-        return fmpq_mat([list(row) for row in self.shape]).inv()
+        return exact_matrix(self.shape).inv()
 
     def level_after(self, distance: fmpq, fastest: fmpq) -> fmpq:
         """A rational that V is at most after so many metres of reference with u0 ≤ `fastest`, from V ≤ 1.

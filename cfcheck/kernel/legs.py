@@ -17,8 +17,9 @@ from functools import cached_property
 
 from flint import fmpq
 
-from cfcheck.claims.funnel import FunnelClaim
-from cfcheck.exact.rational import Matrix, Range, is_positive_definite
+from cfcheck.exact.definite import exact_matrix, is_positive_definite
+from cfcheck.exact.rational import Matrix, Range
+from cfcheck.kernel.funnel import FunnelClaim
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose, Gap, Reference, is_closed
 from cfcheck.reader import Broken
@@ -108,8 +109,7 @@ def different(legs: Sequence[Leg]) -> list[Leg]:
 
 def is_wider(first: Matrix, second: Matrix, ratio: fmpq) -> bool:
     """Whether C₁ ≻ ratio C₂, so that q₂ < q₁/ratio wherever q₁ > 0."""
-    rows = zip(first, second, strict=True)
-    return is_positive_definite([[a - ratio * b for a, b in zip(one, two, strict=True)] for one, two in rows])
+    return is_positive_definite(exact_matrix(first) - ratio * exact_matrix(second))
 
 
 def gaps(legs: Sequence[Leg], closed: bool) -> Iterator[tuple[Leg, Leg, Gap]]:

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from cfcheck.claims.problem import ProblemClaim
-from cfcheck.claims.surroundings import Surroundings
+from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.rational import about
 from cfcheck.exact.symbolic import Symbolic
 from cfcheck.path.bounds import Bounds
@@ -58,7 +58,7 @@ def closes(dynamics: Symbolic, states: Sequence[str], pieces: Sequence[Piece]) -
     return is_a_body(dynamics, states) and not jumping(follows_turning(dynamics), pieces[-1], pieces[0])
 
 
-def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
+def require_supported(problem: ProblemClaim, dynamics: Symbolic) -> None:
     """That nothing is asked of a vehicle's states but what its dynamics say, where the checker knows nothing else.
 
     Raises:
@@ -73,7 +73,7 @@ def require_meaning(problem: ProblemClaim, dynamics: Symbolic) -> None:
         require_body(vehicle, dynamics, problem.surroundings)
 
 
-def require_body(vehicle: VehicleClaim, dynamics: Symbolic, surroundings: Surroundings) -> None:
+def require_body(vehicle: VehicleClaim, dynamics: Symbolic, surroundings: SurroundingsClaim) -> None:
     """That where there are obstacles the vehicle's first states are the pose of a body that looks along the path.
 
     Raises:

@@ -3,7 +3,7 @@
 All of it are hulls: the corners of an obstacle, grown by a radius, or two points of a wall that follow each other. A
 leg is cut into stretches of θ, each with a few normals. On every part of a piece that lies in a stretch, each disc of
 the body and each hull near it, one of the normals separates the two: by a bound of first order on how far the disc gets
-(`cfcheck.kernel.sweep`), which serves all hulls, or by a close look (`cfcheck.kernel.clearance`).
+(`cfcheck.clearance.sweep`), which serves all hulls, or by a close look (`cfcheck.clearance.half_plane`).
 """
 
 import itertools
@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 from flint import fmpq
 
-from cfcheck.claims.legs import Leg
+from cfcheck.clearance.half_plane import FootprintClaim, ObstacleClaim, Shadow, prove_half_plane
+from cfcheck.clearance.sweep import BITS, Hull, Nearby, Normal, Sweep, length_of
 from cfcheck.exact.enclosure import Budget, TooLarge
 from cfcheck.exact.rational import about, bits, decimal_text
-from cfcheck.kernel.clearance import FootprintClaim, ObstacleClaim, Shadow, prove_half_plane
-from cfcheck.kernel.sweep import BITS, Hull, Nearby, Normal, Sweep, length_of
+from cfcheck.kernel.legs import Leg
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
 from cfcheck.reader import Broken, Item, Unreadable
@@ -38,7 +38,7 @@ class WallClaim(NamedTuple):
     points: tuple[tuple[fmpq, fmpq], ...]
 
 
-class Surroundings(NamedTuple):
+class SurroundingsClaim(NamedTuple):
     """Obstacles and walls, and the discs of the vehicle's body; none of them where nothing is to be cleared."""
 
     obstacles: tuple[ObstacleClaim, ...] = ()
@@ -76,7 +76,7 @@ class ClearStretch(NamedTuple):
     normals: tuple[Normal, ...]
 
 
-Clearance = tuple[tuple[ClearStretch, ...], ...]  # by leg
+ClearanceHints = tuple[tuple[ClearStretch, ...], ...]  # by leg
 
 
 class Blocked(ValueError):
@@ -155,7 +155,7 @@ class Body(NamedTuple):
         return found
 
 
-def prove_surroundings(surroundings: Surroundings, legs: Sequence[Leg], clearance: Clearance) -> None:
+def prove_surroundings(surroundings: SurroundingsClaim, legs: Sequence[Leg], clearance: ClearanceHints) -> None:
     """Proves that no disc of the body touches a hull at any θ of a leg, wherever in its funnel the vehicle is.
 
     Raises:
@@ -242,7 +242,7 @@ def parts_of(
     yield last, start, end
 
 
-def _check_numbers(surroundings: Surroundings, legs: Sequence[Leg]) -> None:
+def _check_numbers(surroundings: SurroundingsClaim, legs: Sequence[Leg]) -> None:
     """Raises Broken for numbers that are too long to compute with."""
 
     def numbers() -> Iterator[fmpq]:
@@ -267,7 +267,7 @@ def _check_numbers(surroundings: Surroundings, legs: Sequence[Leg]) -> None:
 # --- reading
 
 
-def read_surroundings(obstacles: Item, footprint: Item) -> Surroundings:
+def read_surroundings(obstacles: Item, footprint: Item) -> SurroundingsClaim:
     """From two lists.
 
     Raises:
@@ -282,7 +282,7 @@ def read_surroundings(obstacles: Item, footprint: Item) -> Surroundings:
             hulls.append(ObstacleClaim(_points(corners, MOST_CORNERS, 1), rounding.rational()))
     if sum(len(wall.points) for wall in walls) > MOST_POINTS:
         obstacles.refuse(f"walls with at most {MOST_POINTS} points together")
-    return Surroundings(tuple(hulls), tuple(map(_disc, footprint.items(MOST_DISCS, least=0))), tuple(walls))
+    return SurroundingsClaim(tuple(hulls), tuple(map(_disc, footprint.items(MOST_DISCS, least=0))), tuple(walls))
 
 
 def _points(item: Item, most: int, least: int) -> tuple[tuple[fmpq, fmpq], ...]:
@@ -295,7 +295,7 @@ def _disc(item: Item) -> FootprintClaim:
     return FootprintClaim(radius.rational(), offset.rational())
 
 
-def read_clearance(item: Item, surroundings: Surroundings, legs: int) -> Clearance:
+def read_clearance(item: Item, surroundings: SurroundingsClaim, legs: int) -> ClearanceHints:
     """Stretches for so many legs; an empty list where there is nothing to clear.
 
     Raises:

@@ -32,9 +32,10 @@ from functools import cached_property
 
 from flint import acb, arb, arb_series, fmpq, fmpq_mat
 
+from cfcheck.exact.definite import exact_matrix, is_positive_definite
 from cfcheck.exact.enclosure import Budget
 from cfcheck.exact.polynomial import bernstein
-from cfcheck.exact.rational import Matrix, about, bits, decimal_text, is_positive_definite
+from cfcheck.exact.rational import Matrix, about, bits, decimal_text
 from cfcheck.kernel.level import Level
 from cfcheck.path.piece import Piece
 from cfcheck.path.reference import ExactPose
@@ -46,7 +47,7 @@ TERMS = 3  # of a Taylor series of second order
 MULTIPLIERS = tuple(fmpq(k, 4) for k in range(5))
 MOST_HALVINGS = 40  # of a piece
 STRETCH_EFFORT = 2**6  # half a millisecond: a proof takes some seconds at most
-# the poses of longer stretches are not asked for: how hard they are to enclose must not depend on the file
+# the poses of longer stretches are not enclosed: a file must not decide how much work that is
 LONGEST_TURN = fmpq(1)  # rad
 LONGEST_WAY = fmpq(1024)  # m
 
@@ -96,7 +97,7 @@ class Shadow:
     @cached_property
     def inverse(self) -> fmpq_mat:
         """C⁻¹."""
-        return fmpq_mat([list(row) for row in self.shape]).inv()
+        return exact_matrix(self.shape).inv()
 
     @cached_property
     def longest(self) -> int:
@@ -222,7 +223,7 @@ def _unproven(theta: fmpq) -> str:
 
 
 def _is_short(piece: Piece) -> bool:
-    """Whether turn and way stay below what a pose is asked for."""
+    """Whether turn and way are short enough for poses to be enclosed."""
     limits = ((piece.turn_rate, LONGEST_TURN), (piece.speed, LONGEST_WAY))
     return all(max(map(abs, bernstein(c, piece.duration))) * piece.duration <= most for c, most in limits)
 
