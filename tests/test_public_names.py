@@ -340,6 +340,13 @@ TABLE: dict[str, Callable[[], Call]] = {
     ),
     "Map": lambda: of(cfjax.Map, cfjax.Map, obstacles=[{"disc": [9, 9, 1]}], bounds=[-5, -5, 12, 12], source="by hand"),
     "read_map": lambda: slow(cfjax.planner.read_map, path="none.yaml", unknown_is_free=False),
+    "replan": lambda: slow(
+        cfjax.replan,
+        {"map": {"empty"}, "driven": {"zero"}},
+        plan=cfjax.plan(cfjax.Map(bounds=(-1, -1, 4, 4)), [0, 0, 0], [3, 3, 0]),
+        map=cfjax.Map(bounds=(-1, -1, 4, 4)),
+        driven=0,
+    ),
     "plan": lambda: slow(
         cfjax.plan,
         {

@@ -12,12 +12,13 @@ closely.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
+from flint import fmpq
 from jaxtyping import Bool, Float, Int
 
 from cfcheck.clearance.corridor import prove_between
@@ -140,7 +141,7 @@ class SeparationSearch:
                 found.pop()
             found.append(ClearStretch(piece.theta + piece.duration, normals))
             shared = chosen
-        return _joined(found)
+        return _joined(found, {piece.theta + piece.duration for piece in self.leg.pieces})
 
     def _closely(self, part: Piece, start: ExactPose, end: ExactPose, halvings: int) -> list[ClearStretch]:
         """Along a part of a piece, by samples; halved where no directions serve all along it."""
@@ -262,10 +263,17 @@ def _cover(serves: Bool[np.ndarray, "n k"], shared: Sequence[int]) -> list[int] 
     return _cover(serves, []) if shared and len(chosen) > SHARED else chosen
 
 
-def _joined(stretches: Sequence[ClearStretch]) -> tuple[ClearStretch, ...]:
-    """The same, those that follow each other with the same normals as one."""
-    groups = itertools.groupby(stretches, key=lambda stretch: stretch.normals)
-    return tuple(list(group)[-1] for _, group in groups)
+def _joined(stretches: Sequence[ClearStretch], ends: Set[fmpq]) -> tuple[ClearStretch, ...]:
+    """The same, those with the same normals as one where a piece ends; cuts inside a piece stay.
+
+    What is proven of two parts of a piece need not be proven of both at once: the checker's bounds are coarser then.
+    """
+    joined = [
+        stretch
+        for stretch, after in itertools.pairwise(stretches)
+        if stretch.normals != after.normals or stretch.end not in ends
+    ]
+    return (*joined, stretches[-1])
 
 
 def _segment(part: Piece, pose: ExactPose) -> Segment:

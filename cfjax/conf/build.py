@@ -30,6 +30,7 @@ from cfjax.conf.user_class import own_vehicle
 from cfjax.errors import InputError, meant, renamed
 from cfjax.learner.elimination import Elimination
 from cfjax.options import Options, ProofLimits
+from cfjax.problem.corridor import with_own_points
 
 
 def typed(node: DictConfig) -> Config:
@@ -145,7 +146,9 @@ def with_waypoint_file(config: Config, file: pathlib.Path) -> Config:
 
 
 def with_own_map(config: Config, folder: pathlib.Path) -> Config:
-    """The same configuration with the map in it that it names, in a file relative to a folder: it is its own copy."""
+    """The same configuration with the map and edges in it whose files, relative to a folder, it names: its own copy."""
+    corridor = with_own_points(config.sets.corridor, folder)
+    config = dataclasses.replace(config, sets=dataclasses.replace(config.sets, corridor=corridor))
     if not isinstance(config.path, PlanConfig):
         return config
     return dataclasses.replace(config, path=config.path.read(folder))

@@ -9,9 +9,10 @@ Frames and units: m in the inertial frame; left is to the left of somebody who l
 """
 
 import itertools
+import pathlib
 from collections.abc import Mapping
 from os import PathLike
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 import shapely
@@ -93,6 +94,26 @@ def _grid(duration: float, places: int) -> Float[np.ndarray, " n"]:
 # --- what is given
 
 
+def with_own_points(corridor: object, folder: pathlib.Path) -> object:
+    """The same corridor with the points (m) in it of files that it names, relative to a folder: it needs no file then.
+
+    Raises:
+        InputError: for a file that cannot be read.
+    """
+    if not isinstance(corridor, Mapping):
+        return corridor
+    return {name: _points(folder / given).tolist() if _is_file(given) else given for name, given in corridor.items()}
+
+
+def _is_file(given: object) -> TypeGuard[str | PathLike]:
+    return isinstance(given, str | PathLike)
+
+
+def _points(file: str | PathLike) -> Float[np.ndarray, "n 2"]:
+    place = read_points(file).place
+    return np.stack([np.real(place), np.imag(place)], axis=1)
+
+
 def _edges(corridor: object, path: Path, line: _Line, lap: bool) -> list[Float[np.ndarray, "n 2"]]:
     """Points of the left and of the right wall."""
     if isinstance(corridor, str) and corridor == FILE:
@@ -115,9 +136,8 @@ def _edge(
     name: str, given: object, theta: Float[np.ndarray, " k"] | None, line: _Line, lap: bool
 ) -> Float[np.ndarray, "n 2"]:
     label = f"sets.corridor.{name}"
-    if isinstance(given, str | PathLike):
-        place = read_points(given).place
-        return np.stack([np.real(place), np.imag(place)], axis=1)
+    if _is_file(given):
+        return _points(given)
     if real(given) is not None:
         return _beside(name, np.full(len(line.theta), number(label, given, "m", above=0)), line, lap)
     if theta is None:

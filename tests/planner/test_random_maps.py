@@ -15,6 +15,11 @@ def test_random_maps_are_certified_and_no_car_touches_anything() -> None:
     assert sum(each.certified for each in found) >= 2
 
 
+def test_half_planes_of_the_parts_of_a_piece_are_not_joined() -> None:
+    """On this map a piece is clear in halves by their boxes alone; the checker refused the whole piece."""
+    assert outcome_of(29, 100, 200).nearest > 0
+
+
 def test_a_campaign_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = tmp_path / "maps.log"
     first = outcomes(2, 5, 200, log)

@@ -14,7 +14,7 @@ from cfcheck.claims.document import document_hash
 from cfjax.errors import InputError
 from cfjax.options import Options
 from cfjax.problem import Disc, FootprintDisc, Obstacle, Path, Polygon, Problem, Wall, circle, oval, slalom, straight
-from cfjax.problem.corridor import walls_of
+from cfjax.problem.corridor import walls_of, with_own_points
 from cfjax.problem.point_path import waypoints
 from cfjax.synthesis import search
 from cfjax.tubes import follow
@@ -291,3 +291,22 @@ def test_a_wall_less_is_proven_and_said(document: dict) -> None:
     del weaker["problem"]["sets"]["obstacles"][0]["side"]  # a corridor has two walls
     report = check_document(sealed(weaker))
     assert report.outcome is Outcome.PROVEN and "clear of one wall through" in report.message
+
+
+def test_a_corridor_of_files_needs_them_no_more_once_it_holds_their_points(tmp_path: File) -> None:
+    path = circle(radius=3.0, speed=2.0)
+    angle = np.linspace(0, 2 * np.pi, 50)
+    centre = path.curve[0].poses(np.linspace(0, path.curve[0].duration, 200))[:, 1:].mean(axis=0)
+    for name, radius in (("left", 1.6), ("right", 4.4)):
+        points = centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        np.savetxt(tmp_path / f"{name}.csv", points, delimiter=",", header="x,y", comments="")
+    named = {"left": "left.csv", "right": "right.csv"}
+    own = with_own_points(named, tmp_path)
+    files = {side: str(tmp_path / file) for side, file in named.items()}
+    ((left, right), (one, other)) = (walls_of(corridor, path, closed=True) for corridor in (own, files))
+    for file in files.values():
+        File(file).unlink()
+    assert np.array_equal(left.points, one.points) and np.array_equal(right.points, other.points)
+    with pytest.raises(InputError, match=r"left\.csv"):
+        with_own_points(named, tmp_path)
+    assert with_own_points(1.5, tmp_path) == 1.5
