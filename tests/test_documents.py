@@ -15,6 +15,7 @@ from scripts.check_site import complaints, public_names
 
 ROOT = Path(__file__).parents[1]
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+MOST_KERNEL_LINES = 2500  # of code and prose: what somebody reads in an afternoon
 PAGES = sorted([ROOT / "README.md", *ROOT.glob("docs/**/*.md"), *ROOT.glob("experiments/**/*.md")])
 
 
@@ -112,3 +113,17 @@ def test_whoever_reads_the_checker_is_led_through_all_of_it() -> None:
     package = ROOT / "cfcheck"
     modules = {f.relative_to(package).as_posix() for f in package.rglob("*.py") if not f.name.startswith("__")}
     assert {module for module in modules if page.count(f"`{module}`") != 1} == set()
+
+
+def test_the_checker_defines_every_name_that_the_walk_through_it_mentions() -> None:
+    page = (ROOT / "docs" / "reading-the-checker.md").read_text()
+    code = "\n".join(file.read_text() for file in (ROOT / "cfcheck").rglob("*.py"))
+    names = {part for name in re.findall(r"`([A-Za-z_.]+)`", page) if "/" not in name for part in name.split(".")}
+    assert len(names) > 30
+    missing = {name for name in names if not re.search(rf'(?:def|class) {name}\b|"{name}"', code)}
+    assert missing - {"py", "json", *(file.stem for file in (ROOT / "cfcheck").rglob("*.py"))} == set()
+
+
+def test_the_checkers_kernel_can_be_read_in_an_afternoon() -> None:
+    kernel = [f for room in ("exact", "path", "kernel") for f in (ROOT / "cfcheck" / room).glob("*.py")]
+    assert sum(len(f.read_text().splitlines()) for f in kernel) <= MOST_KERNEL_LINES
