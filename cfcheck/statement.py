@@ -287,7 +287,8 @@ def units_of(vehicle: VehicleClaim) -> tuple[str, ...]:
     """Of its states: those of a pose, which come first, and what is known of the others; "" where nothing is."""
     if vehicle.name in KNOWN_VEHICLES:
         return KNOWN_VEHICLES[vehicle.name].state_units
-    return (*POSE_UNITS, *[""] * (len(vehicle.states) - len(POSE_UNITS)))
+    known = POSE_UNITS if vehicle.states[: len(POSE)] == POSE else ()
+    return (*known, *[""] * (len(vehicle.states) - len(known)))
 
 
 def _frequency(period: fmpq) -> str:
