@@ -16,7 +16,7 @@ from experiments.benchmarks.region import Rates, System
 
 LEVELS = np.geomspace(0.01, 1.0, 12)
 ANGLES = np.linspace(0.0, 2 * math.pi, 361)
-WIDEST_OFFSET, WIDEST_HEADING = 9.3, 5.2  # m, below the circle's radius; rad
+WIDEST_OFFSET, WIDEST_HEADING = {False: 9.3, True: 9.9}, 5.2  # m, below the circle's radius; rad
 
 
 def system(limit: str, printed: bool) -> System:
@@ -61,5 +61,5 @@ def _cost(free: np.ndarray, limit: float, printed: bool, area: float) -> float:
     rest = np.minimum(offset, 9.7) - 10
     curve = np.cos(heading) / (5 - np.sin(heading)) if printed else -2 * np.cos(heading) / rest
     rate = slope * 2 * np.sin(heading) - across * curve - 2 * limit * np.abs(across)
-    wide, far = root[0, 0] - WIDEST_OFFSET, math.hypot(*root[1]) - WIDEST_HEADING
+    wide, far = root[0, 0] - WIDEST_OFFSET[printed], math.hypot(*root[1]) - WIDEST_HEADING
     return float((rate / LEVELS[:, None]).max()) + 50 * max(0.0, wide) + 5 * max(0.0, far)
