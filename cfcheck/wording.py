@@ -15,7 +15,7 @@ from cfcheck.claims.problem import PlacedPath, ProblemClaim
 from cfcheck.clearance.surroundings import SurroundingsClaim
 from cfcheck.exact.rational import Range, about, decimal_text
 from cfcheck.path.bounds import Bounds
-from cfcheck.vehicle.model import KNOWN_VEHICLES, POSE_UNITS, VehicleClaim
+from cfcheck.vehicle.model import KNOWN_VEHICLES, POSE, POSE_UNITS, VehicleClaim
 
 
 INWARDS, OUTWARDS = (ROUND_CEILING, ROUND_FLOOR), (ROUND_FLOOR, ROUND_CEILING)  # of an interval's lower and upper end
@@ -55,10 +55,11 @@ def interval(ends: Range, rounding: tuple[str, str]) -> str:
 
 
 def units_of(vehicle: VehicleClaim) -> tuple[str, ...]:
-    """The units of its states: a pose comes first; "" for a state whose unit the checker does not know."""
+    """The units of its states, where a pose comes first those of a pose; "" for a state whose unit is not known."""
     if vehicle.name in KNOWN_VEHICLES:
         return KNOWN_VEHICLES[vehicle.name].state_units
-    return (*POSE_UNITS, *[""] * (len(vehicle.states) - len(POSE_UNITS)))
+    known = POSE_UNITS if vehicle.states[: len(POSE)] == POSE else ()
+    return (*known, *[""] * (len(vehicle.states) - len(known)))
 
 
 def vehicle_section(vehicle: VehicleClaim, assumptions: Assumptions | None) -> Section:

@@ -14,6 +14,7 @@ from cfjax.certificate.rounding import dyadic
 
 # with sin to the third and cos to the fourth power, V̇ is of degree six: what the sums of squares are made for
 DEGREES = {"sin": 3, "cos": 4, "tan": 3, "sqrt": 3, "inv": 3}
+CLOSE = {"sin": 7, "cos": 8, "tan": 7, "sqrt": 7, "inv": 7}  # of two states, whose Gram matrices stay small
 SPARING = DEGREES | {"cos": 2}  # where V' times a denominator is to be of no higher degree than V' was
 FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt, "inv": np.reciprocal}
 PARITY = {"sin": 1, "cos": 0, "tan": 1, "inv": 1}

@@ -22,12 +22,13 @@ from cfcheck.kernel.law import DEGREES as LAW_DEGREES
 from cfcheck.path.bounds import Bounds, Extreme
 from cfcheck.path.piece import Piece, between
 from cfcheck.vehicle.symbolic import symbolic
-from cfjax.certificate.fit import DEGREES, SPARING, enclose
+from cfjax.certificate.fit import CLOSE, DEGREES, SPARING, enclose
 from cfjax.certificate.mirror import mirrored
 from cfjax.certificate.rounding import GRAM_BITS, RoundedFunnel, round_whitening
 
 
 MOST_ROWS = 70  # of the Gram matrices of a law that is no polynomial: four states with V' of degree eight
+FEW_STATES = 2  # with so many a function's polynomial may have a high degree, and hold on a wide range
 SAMPLES = 256  # of a stretch, in which bounds are looked for
 BOUND_BITS = 20  # of these bounds
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # relative, by which they are wider than the samples
@@ -138,7 +139,9 @@ def decreases_on(
 
 
 def _least(question: SteadyDecrease, extremes: Sequence[Extreme]) -> list[SteadyDecrease]:
-    """The question with Gram matrices as small as can be."""
+    """The question with Gram matrices as small as can be; with two states, with close polynomials."""
+    if len(question.states) <= FEW_STATES:
+        return _posed(question, extremes, CLOSE)
     standard = _posed(question, extremes, DEGREES)
     # V' is multiplied by what it is divided by: cosines give that degree back
     if "inv" in question.graph.functions_of(question.states).values():

@@ -1,0 +1,1 @@
+"""The field's own benchmarks, and what is proven of them; `python -m experiments.benchmarks` prints the table."""
