@@ -30,7 +30,6 @@ from cfjax.conf.user_class import own_vehicle
 from cfjax.errors import InputError, meant, renamed
 from cfjax.learner.elimination import Elimination
 from cfjax.options import Options, ProofLimits
-from cfjax.problem.corridor import with_own_points
 
 
 def typed(node: DictConfig) -> Config:
@@ -147,6 +146,8 @@ def with_waypoint_file(config: Config, file: pathlib.Path) -> Config:
 
 def with_own_map(config: Config, folder: pathlib.Path) -> Config:
     """The same configuration with the map and edges in it whose files, relative to a folder, it names: its own copy."""
+    from cfjax.problem.corridor import with_own_points  # here: --help does not wait for it
+
     corridor = with_own_points(config.sets.corridor, folder)
     config = dataclasses.replace(config, sets=dataclasses.replace(config.sets, corridor=corridor))
     if not isinstance(config.path, PlanConfig):
